@@ -1,0 +1,98 @@
+#pragma once
+// Tabulated distributions that are sampled by inverting their cumulative sums.
+
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/vec.h"
+
+namespace lajolla {
+
+// Discrete over n entries, proportional to non-negative weights.
+class Distribution {
+public:
+    struct Sample {
+        std::uint32_t index;
+        float probability;
+        float rest; // u stretched back to [0,1) within the entry: one number serves twice
+    };
+
+    Distribution() = default;
+    explicit Distribution(std::span<const float> weights) : cdf_(weights.size() + 1) {
+        double sum = 0;
+        for (const float w : weights)
+            sum += w;
+        sum_ = static_cast<float>(sum);
+        double running = 0;
+        for (std::size_t i = 0; i < weights.size(); ++i) {
+            running += weights[i];
+            cdf_[i + 1] = sum > 0 ? static_cast<float>(running / sum)
+                                  : static_cast<float>(i + 1) / static_cast<float>(weights.size());
+        }
+        if (!weights.empty())
+            cdf_.back() = 1;
+    }
+
+    std::size_t size() const { return cdf_.empty() ? 0 : cdf_.size() - 1; }
+    float sum() const { return sum_; }
+    float probability(std::uint32_t i) const { return cdf_[i + 1] - cdf_[i]; }
+
+    Sample sample(float u) const {
+        // The last entry whose cumulative sum is at most u; entries of probability zero are never chosen.
+        const auto above = std::upper_bound(cdf_.begin() + 1, cdf_.end() - 1, u);
+        const auto index = static_cast<std::uint32_t>(above - cdf_.begin() - 1);
+        const float p = probability(index);
+        return {index, p, p > 0 ? std::min((u - cdf_[index]) / p, one_minus_ulp) : 0};
+    }
+
+private:
+    std::vector<float> cdf_;
+    float sum_ = 0;
+};
+
+// Piecewise constant on a width x height grid over the unit square.
+class Distribution2D {
+public:
+    struct Sample {
+        Vec2f position;
+        float pdf; // per unit area of the square
+    };
+
+    Distribution2D() = default;
+    Distribution2D(std::span<const float> weights, std::uint32_t width, std::uint32_t height)
+        : width_(width), height_(height) {
+        rows_.reserve(height);
+        std::vector<float> sums(height);
+        for (std::uint32_t y = 0; y < height; ++y) {
+            rows_.emplace_back(weights.subspan(static_cast<std::size_t>(y) * width, width));
+            sums[y] = rows_.back().sum();
+        }
+        marginal_ = Distribution(sums);
+    }
+
+    float sum() const { return marginal_.sum(); }
+
+    Sample sample(Vec2f u) const {
+        const auto row = marginal_.sample(u.y);
+        const auto column = rows_[row.index].sample(u.x);
+        const auto w = static_cast<float>(width_), h = static_cast<float>(height_);
+        return {{(static_cast<float>(column.index) + column.rest) / w,
+                 (static_cast<float>(row.index) + row.rest) / h},
+                row.probability * column.probability * w * h};
+    }
+    float pdf(Vec2f p) const {
+        const auto w = static_cast<float>(width_), h = static_cast<float>(height_);
+        const auto x = static_cast<std::uint32_t>(std::clamp(p.x * w, 0.0f, w - 1));
+        const auto y = static_cast<std::uint32_t>(std::clamp(p.y * h, 0.0f, h - 1));
+        return marginal_.probability(y) * rows_[y].probability(x) * w * h;
+    }
+
+private:
+    std::vector<Distribution> rows_;
+    Distribution marginal_;
+    std::uint32_t width_ = 0, height_ = 0;
+};
+
+} // namespace lajolla

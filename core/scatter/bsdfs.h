@@ -1,0 +1,47 @@
+#pragma once
+// The list of BSDFs. To add one: write its file, include it here and add its name to the list. The reader,
+// the documentation and the statistical tests follow.
+
+#include "base/match.h"
+#include "scatter/bsdf.h"
+#include "scatter/diffuse.h"
+#include "scatter/null.h"
+
+namespace lajolla {
+
+using Bsdf = std::variant<Diffuse, Null>;
+
+namespace detail {
+template <class>
+struct LobesOf;
+template <class... Model>
+struct LobesOf<std::variant<Model...>> {
+    static_assert((IsLobe<typename Model::Lobe> && ...));
+    using type = std::variant<typename Model::Lobe...>;
+};
+} // namespace detail
+
+// A prepared lobe of any model.
+using Lobe = detail::LobesOf<Bsdf>::type;
+
+template <class Read>
+Lobe prepare(const Bsdf &bsdf, const Read &read) {
+    return match(bsdf, [&](const auto &model) -> Lobe { return model.prepare(read); });
+}
+inline BsdfEval eval(const Lobe &lobe, Vec3f wo, Vec3f wi) {
+    return match(lobe, [&](const auto &l) { return l.eval(wo, wi); });
+}
+inline std::optional<BsdfSample> sample(const Lobe &lobe, Vec3f wo, float u_lobe, Vec2f u) {
+    return match(lobe, [&](const auto &l) { return l.sample(wo, u_lobe, u); });
+}
+inline bool is_delta(const Lobe &lobe) {
+    return match(lobe, [](const auto &l) { return l.delta; });
+}
+inline float roughness(const Lobe &lobe) {
+    return match(lobe, [](const auto &l) { return l.roughness(); });
+}
+inline bool is_transmissive(const Bsdf &bsdf) {
+    return match(bsdf, [](const auto &model) { return std::decay_t<decltype(model)>::Lobe::transmissive; });
+}
+
+} // namespace lajolla
