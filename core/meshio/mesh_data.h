@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace lajolla {
+
+/// A triangle mesh as it was found in a file. All values are finite and every index is below the vertex
+/// count. Polygons have been cut into fans; degenerate triangles are kept.
+struct MeshData {
+    /// One named value per vertex or per triangle, named as Mitsuba 3 does: "vertex_..." or "face_...".
+    struct Attribute {
+        std::string name;
+        int channels; // 1 or 3
+        bool per_face;
+        std::vector<float> values; // `channels` per vertex (or per triangle)
+    };
+
+    /// The triangles that use one material.
+    struct Group {
+        std::string material; // empty for triangles that stand before the first `usemtl`
+        uint32_t first_triangle;
+        uint32_t triangle_count;
+    };
+
+    std::vector<float> positions;  // 3 per vertex
+    std::vector<float> normals;    // 3 per vertex, unit length; or empty
+    std::vector<float> uvs;        // 2 per vertex, as in the file (v is not flipped); or empty
+    std::vector<uint32_t> indices; // 3 per triangle
+    std::vector<Attribute> attributes;
+    std::vector<Group> groups;                   // contiguous, in the order of the triangles; OBJ only
+    std::vector<std::string> material_libraries; // `mtllib` names; OBJ only
+    std::string name;                            // serialized version 4 only
+};
+
+/// What is wrong with a mesh file, and where: a line number for text, a byte offset for binary data.
+class MeshError : public std::runtime_error {
+public:
+    using std::runtime_error::runtime_error;
+};
+
+/// Makes the promises of `MeshData` true for freshly read arrays whose indices are in range already: normals
+/// become unit vectors (missing ones, stored as zero, become the area-weighted mean of the adjacent faces),
+/// and values other than positions that are not finite become zero.
+/// @throws MeshError if a position is not finite.
+void finish(MeshData &mesh);
+
+} // namespace lajolla

@@ -1,0 +1,290 @@
+#include "meshio/obj.h"
+
+#include "meshio/text.h"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <unordered_map>
+
+namespace lajolla {
+namespace {
+
+constexpr uint32_t absent = std::numeric_limits<uint32_t>::max();
+
+struct Corner {
+    uint32_t position, uv, normal;
+    bool operator==(const Corner &) const = default;
+};
+
+/// Numbers the distinct corners in order of appearance. Open addressing with linear probing.
+class CornerTable {
+public:
+    uint32_t number_of(const Corner &corner) {
+        if (2 * corners.size() >= slots.size())
+            grow();
+        uint32_t &slot = find_slot(corner);
+        if (slot == absent) {
+            slot = static_cast<uint32_t>(corners.size());
+            corners.push_back(corner);
+        }
+        return slot;
+    }
+
+    std::vector<Corner> corners;
+
+private:
+    uint32_t &find_slot(const Corner &corner) {
+        size_t mask = slots.size() - 1;
+        size_t i = hash(corner) & mask;
+        while (slots[i] != absent && corners[slots[i]] != corner)
+            i = (i + 1) & mask;
+        return slots[i];
+    }
+
+    void grow() {
+        slots.assign(std::max<size_t>(1024, 2 * slots.size()), absent);
+        for (uint32_t i = 0; i < corners.size(); ++i)
+            find_slot(corners[i]) = i;
+    }
+
+    static size_t hash(const Corner &corner) {
+        uint64_t h = corner.position * 0x9e3779b97f4a7c15u;
+        h = (h ^ (h >> 32) ^ corner.uv) * 0xd6e8feb86659fd93u;
+        h = (h ^ (h >> 32) ^ corner.normal) * 0xd6e8feb86659fd93u;
+        return static_cast<size_t>(h ^ (h >> 32));
+    }
+
+    std::vector<uint32_t> slots; // a power of two of them
+};
+
+/// What the statements of the file have built up so far.
+struct ObjState {
+    std::vector<float> positions, uvs, normals; // as numbered by the file
+    std::vector<float> colors;                  // 3 per position; empty until the first coloured `v`
+    CornerTable table;
+    std::vector<uint32_t> indices;           // 3 per triangle, into the table
+    std::vector<uint32_t> triangle_material; // into `materials`
+    std::vector<std::string> materials{""};
+    std::unordered_map<std::string, uint32_t> material_numbers{{"", 0}};
+    uint32_t material = 0;
+    std::vector<std::string> libraries;
+};
+
+/// Moves to the next argument of the statement, over continuation lines. False where the statement ends.
+bool next_argument(TextCursor &text) {
+    skip_blanks(text);
+    while (text.at != text.end && *text.at == '\\') {
+        TextCursor next = text;
+        ++next.at;
+        skip_blanks(next); // "\r\n"
+        if (next.at != next.end && *next.at != '\n')
+            break;
+        skip_line(next);
+        text = next;
+        skip_blanks(text);
+    }
+    return text.at != text.end && *text.at != '\n' && *text.at != '#';
+}
+
+/// Reads the arguments of a statement into `out`, at least `needed` of them. Further ones are skipped.
+size_t read_numbers(TextCursor &text, std::span<float> out, size_t needed, const char *what) {
+    size_t count = 0;
+    while (next_argument(text)) {
+        TextCursor start = text;
+        std::optional<double> number = read_number(text);
+        if (!number || (text.at != text.end && !is_blank(*text.at) && *text.at != '\n'))
+            fail(text, std::string(what) + ": expected a number, found " + quote_word(start));
+        if (count < out.size())
+            out[count++] = static_cast<float>(*number);
+    }
+    if (count < needed)
+        fail(text, std::string(what) + ": expected " + std::to_string(needed) + " numbers, found " +
+                       std::to_string(count));
+    return count;
+}
+
+void read_position(TextCursor &text, ObjState &obj) {
+    std::array<float, 6> values{};
+    size_t line = text.line;
+    size_t count = read_numbers(text, values, 3, "vertex position");
+    for (size_t axis = 0; axis < 3; ++axis)
+        if (!std::isfinite(values[axis]))
+            fail({text.at, text.end, line}, "the vertex position is not finite");
+    if (count == 6) {
+        obj.colors.resize(obj.positions.size(), 1); // white where earlier vertices had none
+        obj.colors.insert(obj.colors.end(), values.begin() + 3, values.end());
+    } else if (!obj.colors.empty()) {
+        obj.colors.insert(obj.colors.end(), 3, 1.f);
+    }
+    obj.positions.insert(obj.positions.end(), values.begin(), values.begin() + 3);
+}
+
+void read_uv(TextCursor &text, ObjState &obj) {
+    std::array<float, 2> values{};
+    read_numbers(text, values, 1, "texture coordinate");
+    obj.uvs.insert(obj.uvs.end(), values.begin(), values.end());
+}
+
+void read_normal(TextCursor &text, ObjState &obj) {
+    std::array<float, 3> values{};
+    read_numbers(text, values, 3, "normal");
+    obj.normals.insert(obj.normals.end(), values.begin(), values.end());
+}
+
+/// Indices count from 1, or backwards from the latest element if negative.
+uint32_t read_index(TextCursor &text, size_t count, const char *what) {
+    int64_t index = 0;
+    auto [next, error] = std::from_chars(text.at, text.end, index);
+    if (error != std::errc())
+        fail(text, std::string("face: expected the index of a ") + what + ", found " + quote_word(text));
+    int64_t resolved = index > 0 ? index - 1 : index + static_cast<int64_t>(count);
+    if (index == 0 || resolved < 0 || resolved >= static_cast<int64_t>(count))
+        fail(text, std::string("face: there is no ") + what + " " + std::to_string(index) + " (" +
+                       std::to_string(count) + " so far)");
+    text.at = next;
+    return static_cast<uint32_t>(resolved);
+}
+
+bool accept_slash(TextCursor &text) {
+    bool found = text.at != text.end && *text.at == '/';
+    text.at += found;
+    return found;
+}
+
+bool at_index(const TextCursor &text) {
+    return text.at != text.end && (*text.at == '-' || (*text.at >= '0' && *text.at <= '9'));
+}
+
+/// `v`, `v/vt`, `v//vn` or `v/vt/vn`; a slash at the end is harmless.
+Corner read_corner(TextCursor &text, const ObjState &obj) {
+    Corner corner{read_index(text, obj.positions.size() / 3, "vertex"), absent, absent};
+    if (accept_slash(text)) {
+        if (at_index(text))
+            corner.uv = read_index(text, obj.uvs.size() / 2, "texture coordinate");
+        if (accept_slash(text) && at_index(text))
+            corner.normal = read_index(text, obj.normals.size() / 3, "normal");
+    }
+    if (text.at != text.end && !is_blank(*text.at) && *text.at != '\n')
+        fail(text, "face: expected v, v/vt, v//vn or v/vt/vn, found " + quote_word(text));
+    return corner;
+}
+
+/// Faces with fewer than three corners have no area and are skipped.
+void read_face(TextCursor &text, ObjState &obj) {
+    uint32_t first = 0, previous = 0;
+    for (size_t count = 0; next_argument(text); ++count) {
+        uint32_t corner = obj.table.number_of(read_corner(text, obj));
+        if (count == 0)
+            first = corner;
+        if (count >= 2) {
+            obj.indices.insert(obj.indices.end(), {first, previous, corner});
+            obj.triangle_material.push_back(obj.material);
+        }
+        previous = corner;
+    }
+    if (obj.table.corners.size() >= absent || obj.triangle_material.size() >= absent)
+        fail(text, "the mesh has more than 2^32 vertices or triangles");
+}
+
+void read_material(TextCursor &text, ObjState &obj) {
+    std::string name(read_rest_of_line(text));
+    auto [entry, is_new] = obj.material_numbers.try_emplace(name, obj.materials.size());
+    if (is_new)
+        obj.materials.push_back(name);
+    obj.material = entry->second;
+}
+
+/// Several names may share a line, and a name may contain blanks: names end with ".mtl" or with the line.
+void read_libraries(TextCursor &text, ObjState &obj) {
+    std::string_view names = read_rest_of_line(text);
+    while (!names.empty()) {
+        size_t end = names.find(".mtl ");
+        end = end == std::string_view::npos ? names.size() : end + 4;
+        obj.libraries.emplace_back(names.substr(0, end));
+        names.remove_prefix(end);
+        names.remove_prefix(std::min(names.find_first_not_of(' '), names.size()));
+    }
+}
+
+void read_statement(TextCursor &text, ObjState &obj) {
+    skip_blanks(text);
+    std::string_view keyword = read_word(text);
+    if (keyword == "v")
+        read_position(text, obj);
+    else if (keyword == "vt")
+        read_uv(text, obj);
+    else if (keyword == "vn")
+        read_normal(text, obj);
+    else if (keyword == "f")
+        read_face(text, obj);
+    else if (keyword == "usemtl")
+        read_material(text, obj);
+    else if (keyword == "mtllib")
+        read_libraries(text, obj);
+}
+
+/// The values that `numbers` picks from `values`; zero where absent. Empty if all are absent.
+template <class Number>
+std::vector<float> gather(const std::vector<Corner> &corners, const std::vector<float> &values,
+                          size_t channels, Number number) {
+    bool any = false;
+    std::vector<float> result(corners.size() * channels);
+    for (size_t i = 0; i < corners.size(); ++i) {
+        uint32_t source = number(corners[i]);
+        if (source == absent)
+            continue;
+        any = true;
+        for (size_t c = 0; c < channels; ++c)
+            result[i * channels + c] = values[source * channels + c];
+    }
+    return any ? result : std::vector<float>();
+}
+
+/// Orders the triangles by material (counting sort, so the order within a material stays) and names the
+/// groups.
+void group_triangles(const ObjState &obj, MeshData &mesh) {
+    std::vector<uint32_t> next(obj.materials.size() + 1);
+    for (uint32_t material : obj.triangle_material)
+        ++next[material + 1];
+    for (size_t m = 0; m < obj.materials.size(); ++m) {
+        if (next[m + 1] > 0)
+            mesh.groups.push_back({obj.materials[m], next[m], next[m + 1]});
+        next[m + 1] += next[m];
+    }
+    mesh.indices.resize(obj.indices.size());
+    for (size_t i = 0; i < obj.triangle_material.size(); ++i) {
+        size_t target = next[obj.triangle_material[i]]++;
+        for (size_t k = 0; k < 3; ++k)
+            mesh.indices[3 * target + k] = obj.indices[3 * i + k];
+    }
+}
+
+} // namespace
+
+MeshData read_obj(std::span<const std::byte> file) {
+    ObjState obj;
+    for (TextCursor text = text_cursor(file); text.at != text.end; skip_line(text))
+        read_statement(text, obj);
+    if (obj.positions.empty())
+        throw MeshError("this is no OBJ file: it has no vertices");
+
+    MeshData mesh;
+    const std::vector<Corner> &corners = obj.table.corners;
+    auto position = [](const Corner &c) { return c.position; };
+    mesh.positions = gather(corners, obj.positions, 3, position);
+    mesh.uvs = gather(corners, obj.uvs, 2, [](const Corner &c) { return c.uv; });
+    mesh.normals = gather(corners, obj.normals, 3, [](const Corner &c) { return c.normal; });
+    if (!obj.colors.empty())
+        mesh.attributes.push_back({"vertex_color", 3, false, gather(corners, obj.colors, 3, position)});
+    if (obj.materials.size() > 1)
+        group_triangles(obj, mesh);
+    else
+        mesh.indices = std::move(obj.indices);
+    mesh.material_libraries = std::move(obj.libraries);
+    finish(mesh);
+    return mesh;
+}
+
+} // namespace lajolla

@@ -1,0 +1,16 @@
+#pragma once
+
+#include "meshio/mesh_data.h"
+
+#include <cstddef>
+#include <span>
+
+namespace lajolla {
+
+/// Reads a Wavefront OBJ file: `v` (with `x y z r g b` colours, which become "vertex_color"), `vt`, `vn`,
+/// `f`, `usemtl`, `mtllib`; everything else is skipped. Every distinct (v, vt, vn) corner becomes one vertex;
+/// corners without vt, in a file that has some, get (0, 0), those without vn a normal made from the faces.
+/// @throws MeshError
+MeshData read_obj(std::span<const std::byte> file);
+
+} // namespace lajolla

@@ -1,0 +1,375 @@
+#include "meshio/ply.h"
+
+#include "meshio/ply_header.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+namespace lajolla {
+namespace {
+
+struct AsciiSource {
+    TextCursor text;
+
+    [[noreturn]] void fail(const std::string &message) const { lajolla::fail(text, message); }
+
+    /// Every value takes at least one digit and one blank (the last one needs no blank).
+    uint64_t most_values(PlyType) const { return static_cast<uint64_t>(text.end - text.at) / 2 + 1; }
+
+    double read(PlyType) {
+        skip_space(text);
+        if (text.at == text.end)
+            fail("the file ends too early");
+        std::optional<double> value = read_number(text);
+        if (!value)
+            fail("expected a number, found " + quote_word(text));
+        return *value;
+    }
+};
+
+/// IEEE 754 binary16.
+double half_value(uint16_t bits) {
+    int exponent = bits >> 10 & 31;
+    int fraction = bits & 1023;
+    double magnitude = exponent == 0    ? std::ldexp(fraction, -24)
+                       : exponent == 31 ? std::numeric_limits<double>::infinity()
+                                        : std::ldexp(1024 + fraction, exponent - 25);
+    return bits & 0x8000 ? -magnitude : magnitude;
+}
+
+struct BinarySource {
+    std::span<const std::byte> data; // what is left
+    size_t file_size;
+    bool swap_bytes;
+
+    [[noreturn]] void fail(const std::string &message) const {
+        throw MeshError("byte " + std::to_string(file_size - data.size()) + ": " + message);
+    }
+
+    uint64_t most_values(PlyType type) const { return data.size() / size_of(type); }
+
+    template <class T>
+    T take() {
+        std::array<std::byte, sizeof(T)> bytes;
+        if (data.size() < sizeof(T))
+            fail("the file ends too early");
+        std::memcpy(bytes.data(), data.data(), sizeof(T));
+        if (swap_bytes)
+            std::reverse(bytes.begin(), bytes.end());
+        data = data.subspan(sizeof(T));
+        return std::bit_cast<T>(bytes);
+    }
+
+    double read(PlyType type) {
+        switch (type) {
+        case PlyType::int8:
+            return take<int8_t>();
+        case PlyType::uint8:
+            return take<uint8_t>();
+        case PlyType::int16:
+            return take<int16_t>();
+        case PlyType::uint16:
+            return take<uint16_t>();
+        case PlyType::int32:
+            return take<int32_t>();
+        case PlyType::uint32:
+            return take<uint32_t>();
+        case PlyType::int64:
+            return static_cast<double>(take<int64_t>());
+        case PlyType::uint64:
+            return static_cast<double>(take<uint64_t>());
+        case PlyType::float16:
+            return half_value(take<uint16_t>());
+        case PlyType::float32:
+            return take<float>();
+        case PlyType::float64:
+            return take<double>();
+        }
+        return 0;
+    }
+};
+
+/// Some properties of an element that belong together, and what the rows read so far hold for them.
+struct Field {
+    std::string name;
+    std::vector<size_t> properties; // positions in the element's list
+    float scale = 1;
+    std::vector<float> values;
+
+    void append(std::span<const double> row) {
+        for (size_t p : properties)
+            values.push_back(static_cast<float>(row[p]) * scale);
+    }
+};
+
+using Names = std::span<const std::string_view>;
+
+std::optional<size_t> find_property(const PlyElement &element, std::string_view name) {
+    for (size_t i = 0; i < element.properties.size(); ++i)
+        if (element.properties[i].name == name && !element.properties[i].is_list)
+            return i;
+    return std::nullopt;
+}
+
+/// Adds a field if the element has all its properties.
+bool add_field(std::vector<Field> &fields, const PlyElement &element, std::string name, Names properties) {
+    Field field{std::move(name), {}, 1, {}};
+    for (std::string_view property : properties) {
+        std::optional<size_t> index = find_property(element, property);
+        if (!index)
+            return false;
+        field.properties.push_back(*index);
+    }
+    fields.push_back(std::move(field));
+    return true;
+}
+
+/// Colours of integer type cover the whole range of the type.
+void normalize_color(Field &field, const PlyElement &element) {
+    PlyType type = element.properties[field.properties[0]].type;
+    field.scale = static_cast<float>(1 / largest_value(type));
+}
+
+/// The number of properties from `first` on that share its prefix and continue its suffix along `suffixes`.
+size_t run_length(const PlyElement &element, size_t first, std::string_view prefix,
+                  std::string_view suffixes) {
+    size_t length = 0;
+    for (; length < suffixes.size() && first + length < element.properties.size(); ++length) {
+        const PlyProperty &property = element.properties[first + length];
+        if (property.is_list || property.name.size() != prefix.size() + 1 ||
+            !property.name.starts_with(prefix) || property.name.back() != suffixes[length])
+            break;
+    }
+    return length;
+}
+
+/// Attributes in Mitsuba 3's sense: plain colours, and runs such as n_x n_y n_z or c_r c_g c_b or w_0. Other
+/// lengths than 1 and 3 and second runs with the same prefix are ignored, as there.
+void add_attributes(std::vector<Field> &fields, const PlyElement &element, const std::string &kind) {
+    static constexpr std::array<std::string_view, 3> rgb{"r", "g", "b"}, words{"red", "green", "blue"};
+    if (add_field(fields, element, kind + "color", rgb) || add_field(fields, element, kind + "color", words))
+        normalize_color(fields.back(), element);
+
+    std::vector<std::string> seen;
+    for (size_t i = 0; i < element.properties.size();) {
+        std::string prefix = element.properties[i].name.substr(0, element.properties[i].name.rfind('_') + 1);
+        size_t length = 0;
+        bool is_color = false;
+        for (std::string_view suffixes : {"xyzw", "rgba", "0123", "1234"})
+            if (size_t n = prefix.size() < 2 ? 0 : run_length(element, i, prefix, suffixes); n > 0) {
+                length = n;
+                is_color = suffixes[0] == 'r';
+            }
+        if ((length == 1 || length == 3) && std::find(seen.begin(), seen.end(), prefix) == seen.end()) {
+            Field field{kind + prefix.substr(0, prefix.size() - 1) + (is_color ? "_color" : ""), {}, 1, {}};
+            for (size_t k = 0; k < length; ++k)
+                field.properties.push_back(i + k);
+            if (is_color)
+                normalize_color(field, element);
+            seen.push_back(prefix);
+            fields.push_back(std::move(field));
+        }
+        i += std::max<size_t>(length, 1);
+    }
+}
+
+/// Reads one row: scalars go to `row` (one place per property), the list with index `list` to `list_values`.
+template <class Source>
+void read_row(Source &source, const PlyElement &element, std::span<double> row, size_t list,
+              std::vector<double> &list_values) {
+    for (size_t i = 0; i < element.properties.size(); ++i) {
+        const PlyProperty &property = element.properties[i];
+        if (!property.is_list) {
+            row[i] = source.read(property.type);
+            continue;
+        }
+        double length = source.read(property.count_type);
+        if (!(length >= 0) || length != std::floor(length) ||
+            length > static_cast<double>(source.most_values(property.type)))
+            source.fail("the list '" + property.name + "' has an impossible length");
+        if (i == list)
+            list_values.clear();
+        for (double k = 0; k < length; ++k) {
+            double value = source.read(property.type);
+            if (i == list)
+                list_values.push_back(value);
+        }
+    }
+}
+
+/// Rejects counts that the rest of the file cannot hold, before memory is reserved for them.
+template <class Source>
+void check_count(const Source &source, const PlyElement &element) {
+    uint64_t most = 0;
+    for (const PlyProperty &property : element.properties) {
+        uint64_t values = source.most_values(property.is_list ? property.count_type : property.type);
+        most = most == 0 ? values : std::min(most, values);
+    }
+    if (!element.properties.empty() && element.count > most)
+        source.fail("the file is too short for " + std::to_string(element.count) + " of element '" +
+                    element.name + "'");
+}
+
+template <class Source>
+void skip_element(Source &source, const PlyElement &element) {
+    std::vector<double> row(element.properties.size()), unused;
+    if (!row.empty())
+        for (uint64_t i = 0; i < element.count; ++i)
+            read_row(source, element, row, row.size(), unused);
+}
+
+MeshData::Attribute to_attribute(Field &field, bool per_face) {
+    return {field.name, static_cast<int>(field.properties.size()), per_face, std::move(field.values)};
+}
+
+template <class Source>
+void read_vertices(Source &source, const PlyElement &element, MeshData &mesh) {
+    static constexpr std::array<std::string_view, 3> xyz{"x", "y", "z"}, normal{"nx", "ny", "nz"};
+    static constexpr std::array<std::array<std::string_view, 2>, 3> uvs{
+        {{"texture_u", "texture_v"}, {"s", "t"}, {"u", "v"}}};
+    std::vector<Field> fields;
+    if (!add_field(fields, element, "position", xyz))
+        source.fail("the vertices have no x, y and z");
+    add_field(fields, element, "normal", normal);
+    for (Names names : uvs)
+        if (add_field(fields, element, "uv", names))
+            break;
+    add_attributes(fields, element, "vertex_");
+
+    for (Field &field : fields)
+        field.values.reserve(element.count * field.properties.size());
+    std::vector<double> row(element.properties.size()), unused;
+    for (uint64_t i = 0; i < element.count; ++i) {
+        read_row(source, element, row, row.size(), unused);
+        for (Field &field : fields)
+            field.append(row);
+    }
+    for (Field &field : fields) {
+        if (field.name == "position")
+            mesh.positions = std::move(field.values);
+        else if (field.name == "normal")
+            mesh.normals = std::move(field.values);
+        else if (field.name == "uv")
+            mesh.uvs = std::move(field.values);
+        else
+            mesh.attributes.push_back(to_attribute(field, false));
+    }
+}
+
+/// Appends a polygon as a fan. Fewer than three corners make no triangle.
+void append_fan(std::span<const uint32_t> corners, std::vector<uint32_t> &indices) {
+    for (size_t i = 2; i < corners.size(); ++i)
+        indices.insert(indices.end(), {corners[0], corners[i - 1], corners[i]});
+}
+
+/// Appends a triangle strip; every other triangle is turned round, so that all face the same way.
+void append_strip(std::span<const uint32_t> corners, std::vector<uint32_t> &indices) {
+    for (size_t i = 2; i < corners.size(); ++i)
+        indices.insert(indices.end(), {corners[i - 2 + i % 2], corners[i - 1 - i % 2], corners[i]});
+}
+
+template <class Source>
+uint32_t to_index(const Source &source, double value, uint64_t vertex_count) {
+    if (!(value >= 0 && value < static_cast<double>(vertex_count)) || value != std::floor(value))
+        source.fail("a face refers to a vertex that does not exist");
+    return static_cast<uint32_t>(value);
+}
+
+/// Appends the triangles of one list of vertex indices. In strips, -1 starts a new one.
+template <class Source>
+void append_triangles(const Source &source, std::span<const double> list, bool is_strip,
+                      uint64_t vertex_count, std::vector<uint32_t> &indices) {
+    std::vector<uint32_t> corners;
+    corners.reserve(list.size());
+    for (double value : list) {
+        if (is_strip && value == -1) {
+            append_strip(corners, indices);
+            corners.clear();
+        } else {
+            corners.push_back(to_index(source, value, vertex_count));
+        }
+    }
+    if (is_strip)
+        append_strip(corners, indices);
+    else
+        append_fan(corners, indices);
+}
+
+size_t find_index_list(const PlyElement &element) {
+    for (size_t i = 0; i < element.properties.size(); ++i) {
+        const PlyProperty &property = element.properties[i];
+        if (property.is_list && (property.name == "vertex_indices" || property.name == "vertex_index"))
+            return i;
+    }
+    return element.properties.size();
+}
+
+template <class Source>
+void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count, MeshData &mesh) {
+    size_t list = find_index_list(element);
+    if (list == element.properties.size())
+        source.fail("the faces have no list 'vertex_indices' or 'vertex_index'");
+    std::vector<Field> fields;
+    add_attributes(fields, element, "face_");
+
+    std::vector<double> row(element.properties.size()), list_values;
+    for (uint64_t i = 0; i < element.count; ++i) {
+        read_row(source, element, row, list, list_values);
+        size_t before = mesh.indices.size();
+        append_triangles(source, list_values, element.name == "tristrips", vertex_count, mesh.indices);
+        for (size_t k = before; k < mesh.indices.size(); k += 3)
+            for (Field &field : fields)
+                field.append(row);
+        if (mesh.indices.size() / 3 >= std::numeric_limits<uint32_t>::max())
+            source.fail("the mesh has more than 2^32 triangles");
+    }
+    for (Field &field : fields)
+        mesh.attributes.push_back(to_attribute(field, true));
+}
+
+template <class Source>
+MeshData read_elements(Source source, const PlyHeader &header) {
+    const PlyElement *vertices = nullptr, *faces = nullptr;
+    for (const PlyElement &element : header.elements) {
+        const PlyElement *&known = element.name == "vertex" ? vertices : faces;
+        if (element.name == "vertex" || element.name == "face" || element.name == "tristrips") {
+            if (known)
+                source.fail("PLY header: there is a second element '" + element.name + "'");
+            known = &element;
+        }
+    }
+    if (!vertices || !faces)
+        source.fail(std::string("PLY header: there is no element '") + (vertices ? "face'" : "vertex'"));
+
+    MeshData mesh;
+    for (const PlyElement &element : header.elements) {
+        check_count(source, element);
+        if (&element == vertices)
+            read_vertices(source, element, mesh);
+        else if (&element == faces)
+            read_faces(source, element, vertices->count, mesh);
+        else
+            skip_element(source, element);
+    }
+    finish(mesh);
+    return mesh;
+}
+
+} // namespace
+
+MeshData read_ply(std::span<const std::byte> file) {
+    TextCursor text = text_cursor(file);
+    PlyHeader header = read_ply_header(text);
+    if (header.format == PlyFormat::ascii)
+        return read_elements(AsciiSource{text}, header);
+    bool native_is_little = std::endian::native == std::endian::little;
+    bool swap_bytes = (header.format == PlyFormat::little_endian) != native_is_little;
+    auto data = file.last(static_cast<size_t>(text.end - text.at));
+    return read_elements(BinarySource{data, file.size(), swap_bytes}, header);
+}
+
+} // namespace lajolla

@@ -1,0 +1,97 @@
+#include "meshio/text.h"
+
+#include "meshio/mesh_data.h"
+
+#include <charconv>
+#include <cstring>
+#include <limits>
+
+namespace lajolla {
+namespace {
+
+/// Tells underflow from overflow in a number that std::from_chars called out of range.
+bool is_tiny(std::string_view number) {
+    size_t exponent = number.find_first_of("eE");
+    if (exponent != std::string_view::npos)
+        return number[exponent + 1] == '-';
+    return number.find_first_of("123456789") > number.find('.');
+}
+
+} // namespace
+
+TextCursor text_cursor(std::span<const std::byte> file) {
+    constexpr std::string_view byte_order_mark = "\xef\xbb\xbf";
+    std::string_view text(reinterpret_cast<const char *>(file.data()), file.size());
+    if (text.starts_with(byte_order_mark))
+        text.remove_prefix(byte_order_mark.size());
+    return {text.data(), text.data() + text.size()};
+}
+
+void fail(const TextCursor &text, const std::string &message) {
+    throw MeshError("line " + std::to_string(text.line) + ": " + message);
+}
+
+void skip_blanks(TextCursor &text) {
+    while (text.at != text.end && is_blank(*text.at))
+        ++text.at;
+}
+
+void skip_space(TextCursor &text) {
+    for (skip_blanks(text); text.at != text.end && *text.at == '\n'; skip_blanks(text))
+        skip_line(text);
+}
+
+void skip_line(TextCursor &text) {
+    if (text.at == text.end)
+        return;
+    const void *newline = std::memchr(text.at, '\n', static_cast<size_t>(text.end - text.at));
+    text.at = newline ? static_cast<const char *>(newline) + 1 : text.end;
+    ++text.line;
+}
+
+std::string_view read_word(TextCursor &text) {
+    const char *first = text.at;
+    while (text.at != text.end && *text.at != '\n' && !is_blank(*text.at))
+        ++text.at;
+    return {first, text.at};
+}
+
+std::string_view read_rest_of_line(TextCursor &text) {
+    skip_blanks(text);
+    const char *first = text.at;
+    while (text.at != text.end && *text.at != '\n')
+        ++text.at;
+    const char *last = text.at;
+    while (last != first && is_blank(last[-1]))
+        --last;
+    return {first, last};
+}
+
+std::optional<double> read_number(TextCursor &text) {
+    const char *first = text.at;
+    if (first != text.end && *first == '+') // std::from_chars takes no plus sign
+        ++first;
+    double value = 0;
+    auto [next, error] = std::from_chars(first, text.end, value);
+    if (error == std::errc::invalid_argument)
+        return std::nullopt;
+    if (error == std::errc::result_out_of_range)
+        value = is_tiny({first, next}) ? 0 : std::numeric_limits<double>::infinity();
+    text.at = next;
+    if (next != text.end && *next == '#') { // 1.#QNAN, -1.#IND, 1.#INF00
+        value = std::numeric_limits<double>::quiet_NaN();
+        read_word(text);
+    }
+    return value;
+}
+
+std::string quote_word(TextCursor text) {
+    constexpr size_t longest = 32;
+    std::string word(read_word(text).substr(0, longest));
+    for (char &c : word)
+        if (c < ' ' || c > '~')
+            c = '?';
+    return word.empty() ? "the end of the line" : "'" + word + "'";
+}
+
+} // namespace lajolla
