@@ -1,0 +1,194 @@
+#include "python/describe.h"
+
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+
+namespace lajolla {
+
+namespace {
+
+// A Python error raised by a conversion that failed is an answer here, not an error.
+bool conversion_failed() {
+    const bool failed = PyErr_Occurred() != nullptr;
+    PyErr_Clear();
+    return failed;
+}
+
+// Fills n numbers from a sequence of exactly n.
+bool read_numbers(nb::handle source, float *values, Py_ssize_t n) {
+    if (PySequence_Check(source.ptr()) == 0 || PySequence_Size(source.ptr()) != n) {
+        PyErr_Clear();
+        return false;
+    }
+    for (Py_ssize_t i = 0; i < n; ++i) {
+        const nb::object item = nb::steal(PySequence_GetItem(source.ptr(), i));
+        if (conversion_failed() || !Described<float>::read(item, values[i]))
+            return false;
+    }
+    return true;
+}
+
+// The double with the shortest decimal that names this float: 0.1f is shown as 0.1.
+double shortest(float value) {
+    std::array<char, 32> text{};
+    const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
+    double result = value;
+    std::from_chars(text.data(), end, result);
+    return result;
+}
+
+template <class Tag>
+bool read_triple(nb::handle source, Triple<Tag> &value) {
+    std::array<float, 3> v{};
+    const bool fits = read_numbers(source, v.data(), 3);
+    value = {v[0], v[1], v[2]};
+    return fits;
+}
+
+template <class Tag>
+nb::object write_triple(Triple<Tag> v) {
+    return nb::make_tuple(shortest(v.x), shortest(v.y), shortest(v.z));
+}
+
+std::string number_text(double value) {
+    std::array<char, 32> text{};
+    return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
+}
+
+} // namespace
+
+void throw_unexpected(const std::string &where, const std::string &expected, nb::handle got) {
+    constexpr std::size_t longest = 60;
+    std::string text = nb::repr(got).c_str();
+    if (text.size() > longest)
+        text = text.substr(0, longest) + "...";
+    throw DescriptionError(where + ": expected " + expected + ", got " + text);
+}
+
+bool Described<float>::read(nb::handle source, float &value) {
+    if (PyBool_Check(source.ptr()))
+        return false;
+    value = static_cast<float>(PyFloat_AsDouble(source.ptr()));
+    return !conversion_failed() && std::isfinite(value);
+}
+nb::object Described<float>::write(float value) { return nb::float_(shortest(value)); }
+
+std::optional<std::int64_t> read_integer(nb::handle source, std::int64_t lowest, std::int64_t highest) {
+    if (PyBool_Check(source.ptr()) || PyIndex_Check(source.ptr()) == 0)
+        return std::nullopt;
+    const nb::object index = nb::steal(PyNumber_Index(source.ptr()));
+    if (conversion_failed())
+        return std::nullopt;
+    const std::int64_t value = PyLong_AsLongLong(index.ptr());
+    if (conversion_failed() || value < lowest || value > highest)
+        return std::nullopt;
+    return value;
+}
+
+bool Described<bool>::read(nb::handle source, bool &value) {
+    value = source.is(Py_True);
+    return PyBool_Check(source.ptr());
+}
+
+bool Described<std::string>::read(nb::handle source, std::string &value) {
+    Py_ssize_t size = 0;
+    const char *text =
+        nb::isinstance<nb::str>(source) ? PyUnicode_AsUTF8AndSize(source.ptr(), &size) : nullptr;
+    if (conversion_failed() || text == nullptr)
+        return false;
+    value.assign(text, static_cast<std::size_t>(size));
+    return true;
+}
+
+bool Described<Spectrum>::read(nb::handle source, Spectrum &value) {
+    if (float grey = 0; Described<float>::read(source, grey)) {
+        value = Spectrum(grey);
+        return true;
+    }
+    return read_triple(source, value);
+}
+nb::object Described<Spectrum>::write(Spectrum value) { return write_triple(value); }
+
+bool Described<Vec3f>::read(nb::handle source, Vec3f &value) { return read_triple(source, value); }
+nb::object Described<Vec3f>::write(Vec3f value) { return write_triple(value); }
+
+bool Described<Transform>::read(nb::handle source, Transform &value) {
+    if (PySequence_Check(source.ptr()) == 0 || PySequence_Size(source.ptr()) != 4) {
+        PyErr_Clear();
+        return false;
+    }
+    for (std::size_t row = 0; row < 4; ++row) {
+        const nb::object numbers = nb::steal(PySequence_GetItem(source.ptr(), static_cast<Py_ssize_t>(row)));
+        if (conversion_failed() || !read_numbers(numbers, value.m[row].data(), 4))
+            return false;
+    }
+    return true;
+}
+nb::object Described<Transform>::write(const Transform &value) {
+    nb::list rows;
+    for (const auto &row : value.m) {
+        nb::list numbers;
+        for (const float number : row)
+            numbers.append(shortest(number));
+        rows.append(numbers);
+    }
+    return rows;
+}
+
+std::optional<std::int32_t> read_texture_index(nb::handle source) {
+    if (!nb::isinstance<nb::dict>(source) || nb::len(source) != 1 ||
+        PyDict_GetItemString(source.ptr(), "texture") == nullptr)
+        return std::nullopt;
+    const auto index = read_integer(PyDict_GetItemString(source.ptr(), "texture"), 0,
+                                    std::numeric_limits<std::int32_t>::max());
+    return index ? std::optional(static_cast<std::int32_t>(*index)) : std::nullopt;
+}
+
+std::optional<std::size_t> read_choice(nb::handle source, const char *const *names, std::size_t count) {
+    std::string given;
+    if (!Described<std::string>::read(source, given))
+        return std::nullopt;
+    const auto *const end = names + count;
+    const auto *const found = std::find(names, end, given);
+    return found == end ? std::nullopt : std::optional(static_cast<std::size_t>(found - names));
+}
+
+namespace detail {
+
+std::string range_text(double minimum, double maximum) {
+    const bool low = std::isfinite(minimum), high = std::isfinite(maximum);
+    if (low && high)
+        return " in [" + number_text(minimum) + ", " + number_text(maximum) + "]";
+    if (low)
+        return " >= " + number_text(minimum);
+    return high ? " <= " + number_text(maximum) : "";
+}
+
+std::string quoted_list(const char *const *names, std::size_t count) {
+    std::string text;
+    for (std::size_t i = 0; i < count; ++i)
+        text += (i > 0 ? ", '" : "'") + std::string(names[i]) + "'";
+    return text;
+}
+
+nb::object bound(double value) {
+    return std::isfinite(value) ? nb::object(nb::float_(value)) : nb::object(nb::none());
+}
+
+std::string text_of_key(nb::handle key) {
+    std::string text;
+    return Described<std::string>::read(key, text) ? text : nb::repr(key).c_str();
+}
+
+std::string type_of(const nb::dict &description, const std::string &where, const std::string &known) {
+    if (!description.contains("type"))
+        throw DescriptionError(where + ": \"type\" is missing (known: " + known + ")");
+    std::string type;
+    read_value(description["type"], type, where + ".type");
+    return type;
+}
+
+} // namespace detail
+
+} // namespace lajolla
