@@ -4,12 +4,19 @@
 
 #include "base/match.h"
 #include "scatter/bsdf.h"
+#include "scatter/conductor.h"
+#include "scatter/dielectric.h"
 #include "scatter/diffuse.h"
 #include "scatter/null.h"
+#include "scatter/plastic.h"
+#include "scatter/roughconductor.h"
+#include "scatter/roughdielectric.h"
+#include "scatter/thindielectric.h"
 
 namespace lajolla {
 
-using Bsdf = std::variant<Diffuse, Null>;
+using Bsdf = std::variant<Diffuse, Dielectric, ThinDielectric, RoughDielectric, Conductor, RoughConductor,
+                          Plastic, Null>;
 
 namespace detail {
 template <class>
