@@ -1,0 +1,210 @@
+"""The command line's options: their names, the values they take, and what to say about wrong ones."""
+
+import argparse
+import difflib
+import shlex
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NoReturn
+
+EXTENSIONS = ".exr, .hdr, .pfm, .png or .jpg"
+
+
+class UsageError(Exception):
+    """A command line that makes no sense; the message says why."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An ArgumentParser whose errors are exceptions, and which suggests the nearest option."""
+
+    def __init__(self, **settings: Any) -> None:  # noqa: ANN401
+        super().__init__(allow_abbrev=False, **settings)
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}\n(see {self.prog} --help)")
+
+    def refuse_unknown(self, words: Sequence[str]) -> NoReturn:
+        options = [option for action in self._actions for option in action.option_strings]
+        near = difflib.get_close_matches(words[0].partition("=")[0], options, n=1)
+        kind = "option" if words[0].startswith("-") else "argument"
+        self.error(f"unknown {kind} {words[0]!r}" + (f"; did you mean {near[0]}?" if near else ""))
+
+
+def parse(words: Sequence[str]) -> argparse.Namespace:
+    """The options of a command line without its first word. Raises UsageError; --help raises SystemExit."""
+    parser, commands = build_parser()
+    if words and not words[0].startswith("-") and words[0] not in commands:
+        _refuse_command(words[0], list(commands))
+    arguments, unknown = parser.parse_known_args(words)
+    if unknown:
+        commands.get(arguments.command, parser).refuse_unknown(unknown)
+    if arguments.command is None:
+        parser.error("which command? There is " + ", ".join(commands))
+    if arguments.command == "render" and arguments.sample is not None and arguments.pixel is None:
+        commands["render"].error("--sample needs --pixel")
+    return arguments
+
+
+def _refuse_command(word: str, commands: list[str]) -> NoReturn:
+    if word == "test":
+        raise UsageError("'test' belongs to a checkout of the source code: ./lajolla test")
+    if word.lower().endswith(".xml"):
+        raise UsageError(f"which command? Perhaps: lajolla render {shlex.quote(word)}")
+    near = difflib.get_close_matches(word, commands, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else "there is " + ", ".join(commands)
+    raise UsageError(f"unknown command {word!r}; {hint}")
+
+
+def build_parser() -> tuple[Parser, dict[str, Parser]]:
+    """The parser of all commands, and those of each."""
+    parser = Parser(
+        prog="lajolla",
+        description="A physically based renderer that opens Mitsuba scenes.",
+        epilog="In a checkout of the source code, './lajolla test [PYTEST OPTIONS]' runs the tests.",
+    )
+    parser.add_argument("--version", action="version", version=f"lajolla {version('lajolla')}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    adders: dict[str, tuple[str, Callable[[Parser], None]]] = {
+        "render": ("render a scene", _add_render),
+        "check": ("read a scene; print what is in it, and every warning", _add_check),
+        "compare": ("measure how far one picture is from another", _add_compare),
+        "list": ("show the plugins and their parameters", _add_list),
+    }
+    parsers = {}
+    for name, (help_text, add) in adders.items():
+        parsers[name] = commands.add_parser(name, help=help_text, description=help_text.capitalize() + ".")
+        add(parsers[name])
+    return parser, parsers
+
+
+def _add_scene(parser: Parser) -> None:
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="Mitsuba scene file (XML)")
+    parser.add_argument(
+        "-D",
+        dest="parameters",
+        type=_definition,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="value of the scene's parameter $NAME",
+    )
+    parser.add_argument("--strict", action="store_true", help="unknown plugins and properties are errors")
+    parser.add_argument("--two-sided", action="store_true", help="opaque surfaces reflect on both sides")
+    parser.add_argument("--spp", type=_positive, metavar="N", help="samples per pixel")
+    parser.add_argument("--size", type=_size, metavar="WxH", help="size of the film; drops the scene's crop")
+    parser.add_argument("--crop", type=_crop, metavar="X,Y,W,H", help="render only this window of the film")
+    parser.add_argument("--seed", type=_natural, metavar="N", help="seed of the sampler")
+    parser.add_argument(
+        "--integrator", metavar="NAME", help="in place of the scene's (lajolla list integrator)"
+    )
+    parser.add_argument(
+        "--max-depth", type=_depth, metavar="N", help="longest path in segments; -1: no limit"
+    )
+
+
+def _add_render(parser: Parser) -> None:
+    _add_scene(parser)
+    parser.add_argument(
+        "-o",
+        "--output",
+        dest="outputs",
+        type=Path,
+        action="append",
+        metavar="OUT",
+        help=f"picture to write, {EXTENSIONS}; repeatable (default: the scene's name with .exr and .png)",
+    )
+    parser.add_argument("--half", action="store_true", help="16-bit instead of 32-bit EXR")
+    parser.add_argument(
+        "--exposure", type=_finite, default=0.0, metavar="STOPS", help="brightens PNG and JPEG by 2^STOPS"
+    )
+    parser.add_argument("--threads", type=_positive, metavar="N", help="number of threads (default: all)")
+    parser.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    parser.add_argument("--stats", type=Path, metavar="FILE", help="write times and counts as JSON")
+    parser.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
+    parser.add_argument("--sample", type=_natural, metavar="N", help="with --pixel: of this sample alone")
+
+
+def _add_check(parser: Parser) -> None:
+    _add_scene(parser)
+
+
+def _add_compare(parser: Parser) -> None:
+    parser.add_argument("a", type=Path, metavar="A", help="picture")
+    parser.add_argument("b", type=Path, metavar="B", help="reference picture")
+    parser.add_argument(
+        "--diff", type=Path, metavar="OUT", help="write a picture: red where A is brighter, blue where darker"
+    )
+
+
+def _add_list(parser: Parser) -> None:
+    parser.add_argument("kind", nargs="?", metavar="KIND", help="bsdf, emitter, shape, ...")
+    parser.add_argument("name", nargs="?", metavar="NAME", help="plugin whose parameters to show")
+
+
+def _numbers(text: str, separator: str, form: str, *, lowest: Sequence[int]) -> tuple[int, ...]:
+    """Integers with their least values; `form` tells the user what was expected."""
+    try:
+        values = tuple(int(part) for part in text.split(separator))
+    except ValueError:
+        values = ()
+    if len(values) != len(lowest) or any(value < low for value, low in zip(values, lowest, strict=True)):
+        raise argparse.ArgumentTypeError(f"{text!r} is not {form}")
+    return values
+
+
+def _positive(text: str) -> int:
+    return _numbers(text, ",", "a whole number from 1", lowest=[1])[0]
+
+
+def _natural(text: str) -> int:
+    return _numbers(text, ",", "a whole number from 0", lowest=[0])[0]
+
+
+def _depth(text: str) -> int:
+    return _numbers(text, ",", "a whole number from -1", lowest=[-1])[0]
+
+
+def _size(text: str) -> tuple[int, ...]:
+    return _numbers(text.lower(), "x", "WIDTHxHEIGHT, such as 640x480", lowest=[1, 1])
+
+
+def _crop(text: str) -> tuple[int, ...]:
+    return _numbers(text, ",", "X,Y,WIDTH,HEIGHT, such as 0,0,64,64", lowest=[0, 0, 1, 1])
+
+
+def _pixel(text: str) -> tuple[int, ...]:
+    return _numbers(text, ",", "X,Y, such as 10,20", lowest=[0, 0])
+
+
+def _finite(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) <= 100:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from -100 to 100")
+    return value
+
+
+def _definition(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not name or not equals:
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE")
+    return name, value
+
+
+def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -> str:
+    """The command that repeats one sample of this render."""
+    words = ["lajolla", "render", str(arguments.scene)]
+    words += [word for name, value in arguments.parameters for word in ("-D", f"{name}={value}")]
+    if arguments.size:
+        words += ["--size", "x".join(map(str, arguments.size))]
+    if arguments.crop:
+        words += ["--crop", ",".join(map(str, arguments.crop))]
+    for flag in ("seed", "integrator", "max_depth"):
+        if getattr(arguments, flag) is not None:
+            words += ["--" + flag.replace("_", "-"), str(getattr(arguments, flag))]
+    if arguments.two_sided:
+        words += ["--two-sided"]
+    return shlex.join([*words, "--pixel", f"{x},{y}", "--sample", str(sample)])

@@ -1,0 +1,232 @@
+"""The command line: `lajolla render`, `check`, `compare` and `list`.
+
+Results go to standard output, everything else to standard error. Every error of the user's is one message and
+exit code 1; an interrupted render ends with 128 + the signal's number, as in a shell.
+"""
+
+import argparse
+import json
+import os
+import resource
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+from lajolla import _core, image
+from lajolla.arguments import UsageError, parse, replay_command
+from lajolla.catalog import listing
+from lajolla.display import progress_display, rate, say, size_in_memory
+from lajolla.render import OptionError, Rendering, Scene, load
+from lajolla.scene import SceneError
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, which is treated like Ctrl-C."""
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Runs one command line (by default the process's own) and returns its exit code."""
+    signal.signal(signal.SIGTERM, _terminate)
+    try:
+        arguments = parse(sys.argv[1:] if words is None else words)
+        code = COMMANDS[arguments.command](arguments)
+        sys.stdout.flush()
+        return code
+    except SceneError as error:
+        print(error, file=sys.stderr)
+    except (UsageError, OptionError, image.ImageError, _core.DescriptionError) as error:
+        say(f"error: {error}")
+    except MemoryError:
+        say("error: not enough memory")
+    except BrokenPipeError:  # the reader of our output has seen enough, as in `lajolla list | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        say(f"error: {error}")
+    except KeyboardInterrupt as interrupt:
+        say("interrupted; nothing was written")
+        return _exit_code(interrupt)
+    return 1
+
+
+def _terminate(signum: int, frame: FrameType | None) -> NoReturn:
+    raise Terminated
+
+
+def _exit_code(interrupt: KeyboardInterrupt) -> int:
+    return 128 + (signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
+
+
+def open_scene(arguments: argparse.Namespace) -> Scene:
+    return load(
+        arguments.scene,
+        parameters=dict(arguments.parameters),
+        strict=arguments.strict,
+        two_sided=arguments.two_sided,
+        spp=arguments.spp,
+        size=arguments.size,
+        crop=arguments.crop,
+        seed=arguments.seed,
+        integrator=arguments.integrator,
+        max_depth=arguments.max_depth,
+    )
+
+
+# --- render -------------------------------------------------------------------------------------------------
+
+
+def command_render(arguments: argparse.Namespace) -> int:
+    outputs = arguments.outputs or [Path(arguments.scene.stem + ending) for ending in (".exr", ".png")]
+    if arguments.pixel is None:  # what would fail after hours of rendering fails now
+        for output in outputs:
+            image.check_output(output)
+        if arguments.stats is not None:
+            image.check_folder(arguments.stats)
+    scene = open_scene(arguments)
+    for warning in scene.warnings:
+        print(warning, file=sys.stderr)
+    if arguments.pixel is not None:
+        print(*scene.radiance(*arguments.pixel, arguments.sample))
+        return 0
+    rendering = scene.rendering(threads=arguments.threads)
+    interrupt = _run(rendering, scene, quiet=arguments.quiet)
+    if rendering.samples == 0 and interrupt is not None:
+        raise interrupt
+    _write_outputs(outputs, rendering.image(), arguments)
+    _report_nonfinite(rendering, arguments)
+    if arguments.stats is not None:
+        _write_stats(arguments.stats, statistics(scene, rendering))
+    names = ", ".join(str(output) for output in outputs)
+    if interrupt is not None:
+        say(f"interrupted; wrote {names} with {rendering.samples} of {rendering.spp} samples per pixel")
+        return _exit_code(interrupt)
+    if not arguments.quiet:
+        say(f"wrote {names} ({_summary(scene, rendering)})")
+    return 0
+
+
+def _run(rendering: Rendering, scene: Scene, *, quiet: bool) -> KeyboardInterrupt | None:
+    """Renders to the end, or until the interrupt that it returns."""
+    try:
+        with progress_display(pixels=scene.width * scene.height, quiet=quiet) as observe:
+            rendering.run(observe)
+    except KeyboardInterrupt as interrupt:
+        return interrupt
+    return None
+
+
+def _write_outputs(outputs: Sequence[Path], picture: image.Image, arguments: argparse.Namespace) -> None:
+    """Writes all that can be written, then raises the first error."""
+    errors = []
+    for output in outputs:
+        try:
+            picture.save(output, exposure=arguments.exposure, half=arguments.half)
+        except image.ImageError as error:
+            errors.append(error)
+    if errors:
+        raise errors[0]
+
+
+def _summary(scene: Scene, rendering: Rendering) -> str:
+    stats = statistics(scene, rendering)
+    return (
+        f"{rendering.samples} samples per pixel in {rendering.seconds:.1f} s, "
+        f"{rate(stats['samples_per_second'], 'samples')}, {rate(stats['rays_per_second'], 'rays')}"
+    )
+
+
+def _report_nonfinite(rendering: Rendering, arguments: argparse.Namespace) -> None:
+    count = rendering.accumulator.nonfinite
+    if count == 0:
+        return
+    x, y, sample = rendering.accumulator.nonfinite_list[0]
+    say(f"warning: {count} sample{'s were' if count > 1 else ' was'} not finite and left out")
+    say(f"the first is sample {sample} of pixel {x},{y}: {replay_command(arguments, x, y, sample)}")
+
+
+def statistics(scene: Scene, rendering: Rendering) -> dict[str, Any]:
+    """What --stats writes; `samples` counts camera paths, in all pixels together."""
+    samples = rendering.samples * scene.width * scene.height
+    seconds = max(rendering.seconds, 1e-9)
+    unit = 1 if sys.platform == "darwin" else 1024  # of ru_maxrss
+    return {
+        "width": scene.width,
+        "height": scene.height,
+        "samples_per_pixel": rendering.samples,
+        "threads": rendering.threads,
+        "load_seconds": scene.load_seconds,
+        "build_seconds": scene.build_seconds,
+        "render_seconds": rendering.seconds,
+        "samples": samples,
+        "samples_per_second": samples / seconds,
+        "rays_per_second": rendering.accumulator.rays / seconds,
+        "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit,
+        "nonfinite_samples": rendering.accumulator.nonfinite,
+    }
+
+
+def _write_stats(path: Path, stats: dict[str, Any]) -> None:
+    text = json.dumps(stats, indent=2) + "\n"
+    if str(path) == "/dev/stdout":
+        sys.stdout.write(text)
+    elif path.exists() and not path.is_file():  # a pipe or a device cannot be replaced
+        path.write_text(text)
+    else:
+        with image.replacing(path) as temporary:
+            temporary.write_text(text)
+
+
+# --- check, compare, list -----------------------------------------------------------------------------------
+
+
+def command_check(arguments: argparse.Namespace) -> int:
+    scene = open_scene(arguments)
+    summary = dict(scene.core.summary())
+    facts = {"picture": f"{scene.width} x {scene.height}, {scene.core.sample_count} samples per pixel"}
+    if "bytes" in summary:
+        facts["memory"] = size_in_memory(summary.pop("bytes"))
+    facts = {**{name: f"{value:,}" for name, value in summary.items()}, **facts}
+    width = max(len(name) for name in facts)
+    for name, value in facts.items():
+        print(f"{name:{width}}  {value}")
+    for warning in scene.warnings:
+        print(warning)
+    print(f"{'warnings':{width}}  {len(scene.warnings)}")
+    return 0
+
+
+def command_compare(arguments: argparse.Namespace) -> int:
+    if arguments.diff is not None:
+        image.check_output(arguments.diff)
+        if arguments.diff.suffix.lower() not in image.LOW_RANGE:
+            raise image.ImageError(f"{arguments.diff}: the difference picture is a PNG or JPEG")
+    a, b = image.read(arguments.a), image.read(arguments.b)
+    result = image.compare(a, b)
+    print(f"{'':12}  {'red':>12}  {'green':>12}  {'blue':>12}")
+    for name, values in (
+        ("mean ratio", result.mean_ratio),
+        ("RMSE", result.rmse),
+        ("relative MSE", result.relative_mse),
+    ):
+        print(f"{name:12}  " + "  ".join(f"{value:12.6g}" for value in values))
+    if result.excluded:
+        say(f"warning: {result.excluded} pixels are not finite and were left out")
+    if arguments.diff is not None:
+        image.write_encoded(arguments.diff, image.difference_picture(a, b))
+    return 0
+
+
+def command_list(arguments: argparse.Namespace) -> int:
+    for line in listing(arguments.kind, arguments.name):
+        print(line)
+    return 0
+
+
+COMMANDS = {
+    "render": command_render,
+    "check": command_check,
+    "compare": command_compare,
+    "list": command_list,
+}

@@ -1,0 +1,283 @@
+"""Scenes from files or dicts, and the progressive driver that turns them into pictures."""
+
+import difflib
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lajolla import _core
+from lajolla.image import Image
+from lajolla.scene import Description, SceneWarning, describe, load_description
+
+PASS_SECONDS = 2.0  # passes grow until they take about this long; an interrupted one is lost
+POLL_SECONDS = 0.1
+
+
+class OptionError(ValueError):
+    """A render option that does not fit the scene."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a caller sets beside the scene; None leaves the scene's own value."""
+
+    spp: int | None = None  # samples per pixel
+    size: tuple[int, int] | None = None  # width, height in pixels; drops the scene's crop window
+    crop: tuple[int, int, int, int] | None = None  # x, y, width, height in pixels
+    seed: int | None = None
+    integrator: str | None = None  # keeps the scene's parameters that the new one has too
+    max_depth: int | None = None  # -1: unlimited, 1: emitters alone, 2: direct light
+
+
+def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
+    """The description with the options in place of the scene's own values. Raises OptionError."""
+    result = dict(core)
+    result["sampler"] = _with(core["sampler"], sample_count=options.spp, seed=options.seed)
+    film = dict(core["film"])
+    if options.size is not None:
+        film = {key: value for key, value in film.items() if not key.startswith("crop_")}
+        film["width"], film["height"] = options.size
+    if options.crop is not None:
+        film.update(_crop_fields(options.crop, film))
+    result["film"] = film
+    result["integrator"] = _integrator(core["integrator"], options)
+    return result
+
+
+def _with(entry: Mapping[str, Any], **values: int | None) -> dict[str, Any]:
+    return {**entry, **{key: value for key, value in values.items() if value is not None}}
+
+
+def _crop_fields(crop: tuple[int, int, int, int], film: Mapping[str, Any]) -> dict[str, int]:
+    x, y, width, height = crop
+    if x < 0 or y < 0 or x + width > film["width"] or y + height > film["height"]:
+        raise OptionError(
+            f"the crop window {x},{y},{width},{height} (x, y, width, height) reaches outside of the film, "
+            f"{film['width']} x {film['height']}"
+        )
+    return {"crop_offset_x": x, "crop_offset_y": y, "crop_width": width, "crop_height": height}
+
+
+def _integrator(entry: Mapping[str, Any], options: Options) -> dict[str, Any]:
+    models = _core.schema()["integrator"]
+    name = options.integrator or entry["type"]
+    if name not in models:
+        raise OptionError(f"there is no integrator {name!r}{suggestion(name, models)}")
+    fields = {field["name"] for field in models[name]["fields"]}
+    kept = {key: value for key, value in entry.items() if key in fields or name == entry["type"]}
+    if options.max_depth is not None:
+        if "max_depth" not in fields:
+            raise OptionError(f"the integrator {name!r} has no max_depth")
+        kept["max_depth"] = options.max_depth
+    return {**kept, "type": name}
+
+
+def suggestion(name: str, known: Mapping[str, Any] | list[str]) -> str:
+    """'; did you mean ...?' or the list of what there is."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else f"; there is {', '.join(known)}"
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a rendering is."""
+
+    samples: float  # per pixel; a fraction counts the running pass
+    spp: int
+    seconds: float  # of rendering so far
+
+    @property
+    def fraction(self) -> float:
+        return self.samples / self.spp
+
+    @property
+    def seconds_left(self) -> float:
+        return self.seconds * (self.spp - self.samples) / self.samples if self.samples else float("inf")
+
+
+class Rendering:
+    """A picture in the making: passes of samples are added until there are enough.
+
+    An exception in `run`, such as KeyboardInterrupt, leaves the finished passes: `samples` of `spp`.
+    """
+
+    def __init__(self, core: _core.Scene, *, spp: int, seed: int, threads: int) -> None:
+        self.spp = spp
+        self.seconds = 0.0
+        self.threads = threads
+        self.accumulator = _core.Render(core, seed)
+
+    @property
+    def samples(self) -> int:
+        return self.accumulator.samples
+
+    def image(self) -> Image:
+        """The mean of the samples of all finished passes."""
+        return Image(self.accumulator.image())
+
+    def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
+        """Renders what is missing; calls `observe` in this thread, about ten times a second."""
+        with ThreadPoolExecutor(1) as worker:
+            for count in self._passes():
+                start = time.perf_counter()
+                task = worker.submit(self.accumulator.add, self.samples, count, self.threads)
+                try:
+                    while not wait([task], timeout=POLL_SECONDS).done:
+                        done = self.samples + self.accumulator.progress * count
+                        observe(Progress(done, self.spp, self.seconds + time.perf_counter() - start))
+                except BaseException:
+                    self.accumulator.cancel()
+                    raise  # when the running pass has stopped, for which the worker's block waits
+                task.result()
+                self.seconds += time.perf_counter() - start
+                observe(Progress(self.samples, self.spp, self.seconds))
+
+    def _passes(self) -> Iterator[int]:
+        """1, 1, 2, 4, ... samples per pixel, as many as fit into PASS_SECONDS."""
+        count = 1
+        while self.samples < self.spp:
+            if self.samples:
+                affordable = int(PASS_SECONDS * self.samples / max(self.seconds, 1e-9))
+                count = max(1, min(self.samples, affordable))
+            yield min(count, self.spp - self.samples)
+
+
+class Scene:
+    """A scene ready to be rendered; made by `load` and `load_dict`."""
+
+    def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
+        start = time.perf_counter()
+        self.core = _core.Scene(apply_options(description.core, options))
+        self.warnings: list[SceneWarning] = list(description.warnings)
+        self.load_seconds = load_seconds  # reading files
+        self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
+
+    @property
+    def width(self) -> int:
+        """Of the picture, in pixels."""
+        return self.core.width
+
+    @property
+    def height(self) -> int:
+        """Of the picture, in pixels."""
+        return self.core.height
+
+    def rendering(
+        self, *, spp: int | None = None, seed: int | None = None, threads: int | None = None
+    ) -> Rendering:
+        """A Rendering to run step by step; see `render`."""
+        spp = self.core.sample_count if spp is None else spp
+        seed = self.core.seed if seed is None else seed
+        threads = available_threads() if threads is None else threads
+        for name, value in (("spp", spp), ("threads", threads)):
+            if value < 1:
+                raise OptionError(f"{name} must be at least 1, not {value}")
+        return Rendering(self.core, spp=spp, seed=seed, threads=threads)
+
+    def render(
+        self,
+        *,
+        spp: int | None = None,
+        seed: int | None = None,
+        threads: int | None = None,
+        observe: Callable[[Progress], None] = lambda progress: None,
+    ) -> Image:
+        """Renders the picture; the same scene, spp and seed give the same picture, bit for bit.
+
+        Args:
+            spp: samples per pixel; the scene's own number by default.
+            seed: of the sampler; the scene's own by default.
+            threads: all that this process may use by default.
+            observe: is told the progress about ten times a second.
+        """
+        rendering = self.rendering(spp=spp, seed=seed, threads=threads)
+        rendering.run(observe)
+        return rendering.image()
+
+    def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
+        """What one sample of pixel (x, y) adds, or the mean of all samples: three numbers, float64.
+
+        Unlike in a picture, values that are not finite stay what they are.
+        Raises OptionError outside of the picture.
+        """
+        if not (0 <= x < self.width and 0 <= y < self.height):
+            raise OptionError(f"pixel {x},{y} is outside of the picture, {self.width} x {self.height}")
+        seed = self.core.seed if seed is None else seed
+        samples = range(self.core.sample_count) if sample is None else [sample]
+        values = [_core.sample_radiance(self.core, seed, x, y, index) for index in samples]
+        return np.mean(np.asarray(values, np.float64), axis=0)
+
+
+def available_threads() -> int:
+    """The number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def load(
+    path: str | os.PathLike[str],
+    *,
+    strict: bool = False,
+    two_sided: bool = False,
+    parameters: Mapping[str, object] | None = None,
+    **options: Any,  # noqa: ANN401
+) -> Scene:
+    """Opens a Mitsuba scene file.
+
+    Args:
+        path: the XML file.
+        strict: makes unknown plugins and properties errors.
+        two_sided: lets opaque surfaces reflect on both sides.
+        parameters: values of the file's `$name` parameters.
+        options: the fields of `Options` (spp, size, crop, seed, integrator, max_depth); any other name is a
+            parameter.
+
+    Raises:
+        SceneError: something is wrong with the scene; the message tells where.
+        OptionError: an option does not fit the scene.
+    """
+    own, extra = _split_options(options)
+    texts = {name: _as_text(value) for name, value in {**extra, **(parameters or {})}.items()}
+    start = time.perf_counter()
+    description = load_description(Path(path), parameters=texts, strict=strict, two_sided=two_sided)
+    return Scene(description, own, time.perf_counter() - start)
+
+
+def load_dict(
+    scene: Mapping[str, Any],
+    *,
+    base_path: str | os.PathLike[str] | None = None,
+    strict: bool = False,
+    two_sided: bool = False,
+    **options: Any,  # noqa: ANN401
+) -> Scene:
+    """Opens a scene given as nested dicts, in the form of Mitsuba 3's `load_dict`; see `load`.
+
+    Relative file names in it belong to `base_path`, or else to the current folder.
+    """
+    own, unknown = _split_options(options)
+    if unknown:
+        name = next(iter(unknown))
+        raise TypeError(f"load_dict() has no option {name!r}{suggestion(name, vars(own))}")
+    start = time.perf_counter()
+    folder = None if base_path is None else Path(base_path)
+    description = describe(dict(scene), base_path=folder, strict=strict, two_sided=two_sided)
+    return Scene(description, own, time.perf_counter() - start)
+
+
+def _split_options(options: Mapping[str, Any]) -> tuple[Options, dict[str, Any]]:
+    known = vars(Options())
+    extra = {name: value for name, value in options.items() if name not in known}
+    return Options(**{name: value for name, value in options.items() if name in known}), extra
+
+
+def _as_text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
