@@ -8,7 +8,7 @@
 namespace lajolla {
 
 /// A triangle mesh as it was found in a file. All values are finite and every index is below the vertex
-/// count. Polygons have been cut into fans; degenerate triangles are kept.
+/// count. Polygons have been cut into fans; degenerate triangles are kept. Strings are UTF-8.
 struct MeshData {
     /// One named value per vertex or per triangle, named as Mitsuba 3 does: "vertex_..." or "face_...".
     struct Attribute {

@@ -189,7 +189,7 @@ void read_face(TextCursor &text, ObjState &obj) {
 }
 
 void read_material(TextCursor &text, ObjState &obj) {
-    std::string name(read_rest_of_line(text));
+    std::string name = to_utf8(read_rest_of_line(text));
     auto [entry, is_new] = obj.material_numbers.try_emplace(name, obj.materials.size());
     if (is_new)
         obj.materials.push_back(name);
@@ -202,7 +202,7 @@ void read_libraries(TextCursor &text, ObjState &obj) {
     while (!names.empty()) {
         size_t end = names.find(".mtl ");
         end = end == std::string_view::npos ? names.size() : end + 4;
-        obj.libraries.emplace_back(names.substr(0, end));
+        obj.libraries.push_back(to_utf8(names.substr(0, end)));
         names.remove_prefix(end);
         names.remove_prefix(std::min(names.find_first_not_of(' '), names.size()));
     }

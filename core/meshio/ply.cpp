@@ -17,8 +17,10 @@ struct AsciiSource {
 
     [[noreturn]] void fail(const std::string &message) const { lajolla::fail(text, message); }
 
-    /// Every value takes at least one digit and one blank (the last one needs no blank).
-    uint64_t most_values(PlyType) const { return static_cast<uint64_t>(text.end - text.at) / 2 + 1; }
+    /// The bytes left, and how many of them a value takes at least: a digit and a blank (the last needs no
+    /// blank).
+    uint64_t remaining() const { return static_cast<uint64_t>(text.end - text.at) + 1; }
+    uint64_t least_size(PlyType) const { return 2; }
 
     double read(PlyType) {
         skip_space(text);
@@ -50,7 +52,8 @@ struct BinarySource {
         throw MeshError("byte " + std::to_string(file_size - data.size()) + ": " + message);
     }
 
-    uint64_t most_values(PlyType type) const { return data.size() / size_of(type); }
+    uint64_t remaining() const { return data.size(); }
+    uint64_t least_size(PlyType type) const { return size_of(type); }
 
     template <class T>
     T take() {
@@ -117,7 +120,8 @@ std::optional<size_t> find_property(const PlyElement &element, std::string_view 
 
 /// Adds a field if the element has all its properties.
 bool add_field(std::vector<Field> &fields, const PlyElement &element, std::string name, Names properties) {
-    Field field{std::move(name), {}, 1, {}};
+    Field field;
+    field.name = std::move(name);
     for (std::string_view property : properties) {
         std::optional<size_t> index = find_property(element, property);
         if (!index)
@@ -147,32 +151,41 @@ size_t run_length(const PlyElement &element, size_t first, std::string_view pref
     return length;
 }
 
-/// Attributes in Mitsuba 3's sense: plain colours, and runs such as n_x n_y n_z or c_r c_g c_b or w_0. Other
-/// lengths than 1 and 3 and second runs with the same prefix are ignored, as there.
+/// The longest run of properties from `first` on that reads prefix_x prefix_y ..., prefix_r ..., prefix_0 ...
+/// or prefix_1 ...
+Field find_run(const PlyElement &element, size_t first, const std::string &kind) {
+    const std::string &name = element.properties[first].name;
+    std::string prefix = name.substr(0, name.rfind('_') + 1);
+    Field run;
+    if (prefix.size() < 2)
+        return run;
+    for (std::string_view suffixes : {"xyzw", "rgba", "0123", "1234"}) {
+        size_t length = run_length(element, first, prefix, suffixes);
+        if (length == 0)
+            continue;
+        bool is_color = suffixes == "rgba";
+        run.name = kind + name.substr(0, prefix.size() - 1) + (is_color ? "_color" : "");
+        for (size_t i = 0; i < length; ++i)
+            run.properties.push_back(first + i);
+        if (is_color)
+            normalize_color(run, element);
+    }
+    return run;
+}
+
+/// Attributes in Mitsuba 3's sense: plain colours, and runs as above. Runs of other lengths than 1 and 3, and
+/// those whose name is taken, are ignored, as there.
 void add_attributes(std::vector<Field> &fields, const PlyElement &element, const std::string &kind) {
     static constexpr std::array<std::string_view, 3> rgb{"r", "g", "b"}, words{"red", "green", "blue"};
     if (add_field(fields, element, kind + "color", rgb) || add_field(fields, element, kind + "color", words))
         normalize_color(fields.back(), element);
-
-    std::vector<std::string> seen;
     for (size_t i = 0; i < element.properties.size();) {
-        std::string prefix = element.properties[i].name.substr(0, element.properties[i].name.rfind('_') + 1);
-        size_t length = 0;
-        bool is_color = false;
-        for (std::string_view suffixes : {"xyzw", "rgba", "0123", "1234"})
-            if (size_t n = prefix.size() < 2 ? 0 : run_length(element, i, prefix, suffixes); n > 0) {
-                length = n;
-                is_color = suffixes[0] == 'r';
-            }
-        if ((length == 1 || length == 3) && std::find(seen.begin(), seen.end(), prefix) == seen.end()) {
-            Field field{kind + prefix.substr(0, prefix.size() - 1) + (is_color ? "_color" : ""), {}, 1, {}};
-            for (size_t k = 0; k < length; ++k)
-                field.properties.push_back(i + k);
-            if (is_color)
-                normalize_color(field, element);
-            seen.push_back(prefix);
-            fields.push_back(std::move(field));
-        }
+        Field run = find_run(element, i, kind);
+        size_t length = run.properties.size();
+        bool is_taken =
+            std::any_of(fields.begin(), fields.end(), [&](const Field &f) { return f.name == run.name; });
+        if ((length == 1 || length == 3) && !is_taken)
+            fields.push_back(std::move(run));
         i += std::max<size_t>(length, 1);
     }
 }
@@ -189,7 +202,7 @@ void read_row(Source &source, const PlyElement &element, std::span<double> row, 
         }
         double length = source.read(property.count_type);
         if (!(length >= 0) || length != std::floor(length) ||
-            length > static_cast<double>(source.most_values(property.type)))
+            length > static_cast<double>(source.remaining() / source.least_size(property.type)))
             source.fail("the list '" + property.name + "' has an impossible length");
         if (i == list)
             list_values.clear();
@@ -204,12 +217,10 @@ void read_row(Source &source, const PlyElement &element, std::span<double> row, 
 /// Rejects counts that the rest of the file cannot hold, before memory is reserved for them.
 template <class Source>
 void check_count(const Source &source, const PlyElement &element) {
-    uint64_t most = 0;
-    for (const PlyProperty &property : element.properties) {
-        uint64_t values = source.most_values(property.is_list ? property.count_type : property.type);
-        most = most == 0 ? values : std::min(most, values);
-    }
-    if (!element.properties.empty() && element.count > most)
+    uint64_t row_size = 0;
+    for (const PlyProperty &property : element.properties)
+        row_size += source.least_size(property.is_list ? property.count_type : property.type);
+    if (row_size > 0 && element.count > source.remaining() / row_size)
         source.fail("the file is too short for " + std::to_string(element.count) + " of element '" +
                     element.name + "'");
 }

@@ -69,7 +69,7 @@ PlyFormat read_format(TextCursor &text) {
 }
 
 PlyElement read_element(TextCursor &text) {
-    std::string name(need_word(text, "the name of an element"));
+    std::string name = to_utf8(need_word(text, "the name of an element"));
     std::string_view digits = need_word(text, "a count");
     uint64_t count = 0;
     auto [next, error] = std::from_chars(digits.data(), digits.data() + digits.size(), count);
@@ -92,7 +92,7 @@ PlyProperty read_property(TextCursor &text) {
         text = start;
     }
     property.type = read_type(text);
-    property.name = need_word(text, "the name of a property");
+    property.name = to_utf8(need_word(text, "the name of a property"));
     return property;
 }
 

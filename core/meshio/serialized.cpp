@@ -1,5 +1,7 @@
 #include "meshio/serialized.h"
 
+#include "meshio/text.h"
+
 #include <zlib.h>
 
 #include <algorithm>
@@ -173,7 +175,7 @@ MeshData read_mesh(Inflater &data, uint16_t version) {
     MeshData mesh;
     auto flags = data.read<uint32_t>();
     if (version == 4)
-        mesh.name = read_name(data);
+        mesh.name = to_utf8(read_name(data));
     auto vertex_count = data.read<uint64_t>();
     auto triangle_count = data.read<uint64_t>();
     if (std::max(vertex_count, triangle_count) >= std::numeric_limits<uint32_t>::max())

@@ -17,6 +17,35 @@ bool is_tiny(std::string_view number) {
     return number.find_first_of("123456789") > number.find('.');
 }
 
+/// The length of the UTF-8 sequence that `text` starts with (RFC 3629, section 4); 0 if it is not valid.
+size_t utf8_length(std::string_view text) {
+    auto byte = [&](size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0u; };
+    unsigned lead = byte(0);
+    size_t length = lead < 0x80   ? 1
+                    : lead < 0xc2 ? 0
+                    : lead < 0xe0 ? 2
+                    : lead < 0xf0 ? 3
+                    : lead < 0xf5 ? 4
+                                  : 0;
+    for (size_t i = 1; i < length; ++i)
+        if ((byte(i) & 0xc0) != 0x80)
+            return 0;
+    bool overlong = (lead == 0xe0 && byte(1) < 0xa0) || (lead == 0xf0 && byte(1) < 0x90);
+    bool surrogate = lead == 0xed && byte(1) > 0x9f;
+    bool too_large = lead == 0xf4 && byte(1) > 0x8f;
+    return overlong || surrogate || too_large ? 0 : length;
+}
+
+bool is_utf8(std::string_view text) {
+    while (!text.empty()) {
+        size_t length = utf8_length(text);
+        if (length == 0)
+            return false;
+        text.remove_prefix(length);
+    }
+    return true;
+}
+
 } // namespace
 
 TextCursor text_cursor(std::span<const std::byte> file) {
@@ -83,6 +112,19 @@ std::optional<double> read_number(TextCursor &text) {
         read_word(text);
     }
     return value;
+}
+
+std::string to_utf8(std::string_view name) {
+    if (is_utf8(name))
+        return std::string(name);
+    std::string result;
+    for (char c : name) {
+        auto code = static_cast<unsigned char>(c);
+        if (code >= 0x80)
+            result.push_back(static_cast<char>(0xc0 | code >> 6));
+        result.push_back(code < 0x80 ? c : static_cast<char>(0x80 | (code & 0x3f)));
+    }
+    return result;
 }
 
 std::string quote_word(TextCursor text) {

@@ -42,6 +42,9 @@ std::string_view read_rest_of_line(TextCursor &text);
 /// Numbers beyond the range of double become infinite or zero. Nothing if there is no number here.
 std::optional<double> read_number(TextCursor &text);
 
+/// A name from a file as UTF-8: unchanged if it is that already, otherwise taken as Latin-1.
+std::string to_utf8(std::string_view name);
+
 /// The word at the cursor in quotes, for messages: shortened, unprintable characters replaced.
 std::string quote_word(TextCursor text);
 
