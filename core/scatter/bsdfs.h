@@ -11,12 +11,13 @@
 #include "scatter/plastic.h"
 #include "scatter/roughconductor.h"
 #include "scatter/roughdielectric.h"
+#include "scatter/roughplastic.h"
 #include "scatter/thindielectric.h"
 
 namespace lajolla {
 
 using Bsdf = std::variant<Diffuse, Dielectric, ThinDielectric, RoughDielectric, Conductor, RoughConductor,
-                          Plastic, Null>;
+                          Plastic, RoughPlastic, Null>;
 
 namespace detail {
 template <class>

@@ -1,0 +1,169 @@
+#pragma once
+
+#include "base/warp.h"
+#include "scatter/bsdf.h"
+#include "scatter/fresnel.h"
+#include "scatter/microfacet.h"
+
+namespace lajolla {
+
+// A function of cos(theta) in [0,1], linear between equidistant nodes.
+struct CosineTable {
+    std::array<float, 64> values{};
+
+    static float node(std::size_t i) { return std::max(static_cast<float>(i) / 63, 1e-6f); }
+    float operator()(float cos_theta) const {
+        const float x = cos_theta * 63;
+        const auto i = std::min(static_cast<std::size_t>(x), std::size_t{62});
+        return lerp(x - static_cast<float>(i), values[i], values[i + 1]);
+    }
+};
+
+struct RoughPlastic {
+    static constexpr const char *name = "roughplastic";
+    static constexpr const char *doc = "Dull plastic or varnish: a diffuse base under a rough clear coat.";
+    MicrofacetKind distribution = MicrofacetKind::beckmann;
+    float alpha = 0.1f;
+    float int_ior = 1.49f, ext_ior = 1.000277f;
+    Texture<Spectrum> diffuse_reflectance{Spectrum(0.5f)}, specular_reflectance{Spectrum(1)};
+    bool nonlinear = false;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("distribution", &RoughPlastic::distribution, "statistics of the microfacets"),
+            field("alpha", &RoughPlastic::alpha, "roughness of the coat, at least 0.0001").range(0),
+            field("int_ior", &RoughPlastic::int_ior, "index of refraction of the coat").range(0),
+            field("ext_ior", &RoughPlastic::ext_ior, "index of refraction outside").range(0),
+            field("diffuse_reflectance", &RoughPlastic::diffuse_reflectance,
+                  "fraction of light the base reflects")
+                .range(0, 1),
+            field("specular_reflectance", &RoughPlastic::specular_reflectance,
+                  "tints the reflection; 1 is physical")
+                .range(0, 1),
+            field("nonlinear", &RoughPlastic::nonlinear,
+                  "let colours deepen as light bounces under the coat"));
+    }
+
+    struct Lobe {
+        static constexpr bool transmissive = false, delta = false;
+        Microfacet surface;
+        float eta;
+        const CosineTable *entering; // fraction of light that the coat lets through, either way
+        Spectrum base;        // albedo after bounces under the coat, over eta^2 for refraction on the way out
+        Spectrum reflectance; // tint of the coat
+        float diffuse_weight, specular_weight; // mean albedos: they steer the choice between base and coat
+
+        float roughness() const { return 1; }
+
+        BsdfEval eval(Vec3f wo, Vec3f wi) const {
+            if (wo.z <= 0 || wi.z <= 0)
+                return {};
+            const float t = (*entering)(wo.z);
+            return eval_above(wo, wi, t, specular_probability(t));
+        }
+
+        std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f u) const {
+            if (wo.z <= 0)
+                return std::nullopt;
+            const float t = (*entering)(wo.z), p = specular_probability(t);
+            const bool specular = u_lobe < p;
+            const Vec3f wi =
+                specular ? reflect(wo, surface.sample_visible(wo, u)) : sample_cosine_hemisphere(u);
+            if (wi.z <= 0)
+                return std::nullopt;
+            const BsdfEval e = eval_above(wo, wi, t, p);
+            if (!(e.pdf > 0))
+                return std::nullopt;
+            return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1,
+                              specular ? ScatterKind::glossy : ScatterKind::diffuse};
+        }
+
+    private:
+        float specular_probability(float t) const {
+            const float s = (1 - t) * specular_weight, d = t * diffuse_weight;
+            return s > 0 ? s / (s + d) : 0;
+        }
+        BsdfEval eval_above(Vec3f wo, Vec3f wi, float t, float p_specular) const {
+            const Vec3f m = normalize(wo + wi);
+            const float density = surface.visible(wo, m) / 4, cosine = cosine_hemisphere_pdf(wi.z);
+            const float f = fresnel_dielectric(dot(wo, m), eta).reflectance;
+            return {reflectance * (f * density * surface.masking(wi)) +
+                        base * (cosine * t * (*entering)(wi.z)),
+                    density * p_specular + cosine * (1 - p_specular)};
+        }
+    };
+
+    void build();
+
+    Lobe prepare(const auto &read) const {
+        const float relative = int_ior / ext_ior;
+        const Spectrum d = read(diffuse_reflectance), s = read(specular_reflectance);
+        // The geometric series of reflections between base and coat; the linear variant keeps the hue.
+        const Spectrum escaping = Spectrum(1) - (nonlinear ? d * inside_ : Spectrum(inside_));
+        return {{distribution, alpha, alpha},
+                relative,
+                &entering_,
+                d / (escaping * sqr(relative)),
+                s,
+                mean(d),
+                mean(s)};
+    }
+
+private:
+    CosineTable entering_;
+    float inside_ = 0; // mean reflectance of the coat from below
+};
+
+namespace detail {
+
+// The mean of scatter(w, m) over the visible normals m. The midpoint rule in t, u = t^2 (3 - 2t), puts more
+// nodes at both ends of the unit square, where the tails of the distribution are; the surface is isotropic,
+// so half of the square is enough.
+template <class Scatter>
+float average_visible(const Microfacet &surface, float cos_theta, const Scatter &scatter) {
+    constexpr int n = 64, half = n / 2;
+    const Vec3f w{safe_sqrt(1 - cos_theta * cos_theta), 0, cos_theta};
+    float sum = 0, weights = 0;
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < half; ++j) {
+            const float s = (static_cast<float>(i) + 0.5f) / n, t = (static_cast<float>(j) + 0.5f) / half;
+            const float weight = s * (1 - s) * t * (1 - t);
+            sum += weight * scatter(w, surface.sample_visible(w, {s * s * (3 - 2 * s), t * t * (1.5f - t)}));
+            weights += weight;
+        }
+    return sum / weights;
+}
+
+// Fractions of the light along w that a rough boundary reflects and lets through.
+inline float rough_reflectance(const Microfacet &surface, float cos_theta, float eta) {
+    return average_visible(surface, cos_theta, [&](Vec3f w, Vec3f m) {
+        const Vec3f wi = reflect(w, m);
+        return wi.z > 0 ? fresnel_dielectric(dot(w, m), eta).reflectance * surface.masking(wi) : 0;
+    });
+}
+
+inline float rough_transmittance(const Microfacet &surface, float cos_theta, float eta) {
+    return average_visible(surface, cos_theta, [&](Vec3f w, Vec3f m) {
+        const auto [f, cos_t] = fresnel_dielectric(dot(w, m), eta);
+        const Vec3f wi = -refract(w, m, dot(w, m), cos_t, eta);
+        return wi.z > 0 ? (1 - f) * surface.masking(wi) : 0;
+    });
+}
+
+} // namespace detail
+
+inline void RoughPlastic::build() {
+    check_indices(int_ior, ext_ior);
+    const Microfacet surface(distribution, alpha, alpha);
+    const float eta = int_ior / ext_ior;
+    float sum = 0;
+    for (std::size_t i = 0; i < entering_.values.size(); ++i) {
+        const float cos_theta = CosineTable::node(i);
+        entering_.values[i] = detail::rough_transmittance(surface, cos_theta, eta);
+        sum += cos_theta * detail::rough_reflectance(surface, cos_theta, 1 / eta);
+    }
+    // Mitsuba's mean over the nodes, so that the same file gives the same picture.
+    inside_ = 2 * sum / static_cast<float>(entering_.values.size());
+}
+
+} // namespace lajolla
