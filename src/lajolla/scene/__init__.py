@@ -1,0 +1,106 @@
+"""Scene reader: text -> elements -> expand -> nodes -> upgrade -> resolve -> build.
+
+`elements` parses XML and keeps places; `expand` fills in parameters and includes; `typed` gives every value
+its type; `upgrade` turns old files into the words of Mitsuba 3; `resolve` follows references; `build`,
+`plugins` and `assemble` make the description that `_core.Scene` takes. A Python dict enters where nodes begin
+(`dict_reader`).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType, ModuleType
+from typing import Any
+
+from .assemble import assemble
+from .build import Builder, plugins_by_kind
+from .dict_reader import nodes_from_dict
+from .errors import Diagnostics, SceneError, SceneWarning
+from .expand import expand_file
+from .plugins import READER_PLUGINS
+from .resolve import resolve
+from .typed import Tree, nodes_from_elements
+from .upgrade import upgrade
+
+__all__ = ["Description", "SceneError", "SceneWarning", "describe", "load_description", "plugins"]
+
+NO_PARAMETERS: Mapping[str, str] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Description:
+    """A scene as `_core.Scene` takes it, and what was not read as written."""
+
+    core: dict[str, Any]
+    warnings: list[SceneWarning]
+
+
+def load_description(
+    path: str | os.PathLike[str],
+    *,
+    parameters: Mapping[str, str] = NO_PARAMETERS,
+    strict: bool = False,
+    two_sided: bool = False,
+) -> Description:
+    """Reads a Mitsuba scene file of any version.
+
+    Args:
+        path: an XML file.
+        parameters: values for `$name` in the file; they win over its defaults.
+        strict: refuse unknown plugins and properties instead of warning.
+        two_sided: make opaque materials the same on the back.
+
+    Raises:
+        SceneError: the scene cannot be read; the message tells where and why.
+    """
+    diagnostics = Diagnostics(strict)
+    document = expand_file(Path(path), parameters, diagnostics)
+    tree = nodes_from_elements(document.root, diagnostics)
+    upgrade(tree.nodes)
+    return _describe(tree, Builder(_core(), diagnostics, document.search_paths, two_sided))
+
+
+def describe(
+    scene_dict: Mapping[str, Any],
+    *,
+    base_path: str | os.PathLike[str] | None = None,
+    strict: bool = False,
+    two_sided: bool = False,
+) -> Description:
+    """Reads a scene from a dict, as Mitsuba 3's `load_dict` does.
+
+    Args:
+        scene_dict: `{"type": "scene", ...}`.
+        base_path: the folder of files that it names; the working directory by default.
+        strict, two_sided: as for `load_description`.
+
+    Raises:
+        SceneError: the scene cannot be read; the message tells where and why.
+    """
+    base = Path(base_path) if base_path is not None else Path.cwd()
+    builder = Builder(_core(), Diagnostics(strict), [base], two_sided)
+    return _describe(nodes_from_dict(scene_dict, base, builder.table), builder)
+
+
+def plugins() -> dict[str, dict[str, Any]]:
+    """The plugins that scene files know beside the core's, in the form of `_core.schema()`."""
+    table = plugins_by_kind(_core().schema())
+    result: dict[str, dict[str, Any]] = {}
+    for plugin in READER_PLUGINS:
+        result.setdefault(plugin.kind, {})[plugin.name] = table[plugin.kind][plugin.name.lower()].described()
+    return result
+
+
+def _core() -> ModuleType:
+    from lajolla import _core as module
+
+    return module
+
+
+def _describe(tree: Tree, builder: Builder) -> Description:
+    resolve(tree)
+    core = assemble(builder, tree.root)
+    return Description(core, builder.diagnostics.warnings)

@@ -1,0 +1,141 @@
+"""A resolved scene to a whole description: what goes where, and what is there when a scene says nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .build import Builder
+from .errors import SceneError
+from .nodes import Node, Property, Rgb
+from .schema import Slot
+
+TRANSMISSIVE = ("dielectric", "thindielectric", "roughdielectric", "null")
+
+
+def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
+    """The description of a scene; see docs/architecture.md.
+
+    Raises:
+        SceneError: something cannot be built, or there is no sensor.
+    """
+    if not isinstance(scene, Node) or scene.kind != "scene":
+        raise SceneError("the scene has no root", scene.location)
+    for prop in scene.properties:
+        if not isinstance(prop.value, Node):
+            builder.diagnostics.unknown(f'a scene has no property "{prop.name}"', prop.name_location)
+    for _, node in scene.children("shape"):
+        _add_shape(builder, node)
+    for _, node in scene.children("emitter"):
+        _add_emitter(builder, node)
+    if not builder.emitters:
+        builder.diagnostics.warn("the scene has no light and is black", scene.location)
+    sensor = _only(builder, scene, "sensor")
+    if sensor is None:
+        raise SceneError("the scene has no sensor", scene.location)
+    film = _only(builder, sensor, "film") or _implied(sensor, "film", "hdrfilm")
+    return {
+        "textures": builder.textures,
+        "bsdfs": builder.bsdfs,
+        "materials": builder.materials,
+        "emitters": builder.emitters,
+        "shapes": builder.shapes,
+        "sensor": _sensor(builder, sensor),
+        "film": builder.construct(film),
+        "rfilter": builder.construct(
+            _only(builder, film, "rfilter") or _implied(film, "rfilter", "gaussian")
+        ),
+        "sampler": builder.construct(
+            _only(builder, sensor, "sampler") or _implied(sensor, "sampler", "sobol")
+        ),
+        "integrator": builder.construct(
+            _only(builder, scene, "integrator") or _default_integrator(builder, scene)
+        ),
+    }
+
+
+def _only(builder: Builder, parent: Node, kind: str) -> Node | None:
+    """The one child of a kind; the first one where there are several."""
+    found = [node for _, node in parent.children(kind)]
+    if len(found) > 1:
+        builder.diagnostics.warn(
+            f"{parent.kind} has {len(found)} of kind {kind}; the first one counts", found[1].location
+        )
+    return found[0] if found else None
+
+
+def _implied(parent: Node, kind: str, plugin: str) -> Node:
+    return Node(kind, plugin, parent.location, parent.location)
+
+
+def _default_integrator(builder: Builder, scene: Node) -> Node:
+    """Direct light in files before 2.0; a path tracer, with a warning, in newer ones."""
+    if scene.version < (2, 0, 0):
+        return _implied(scene, "integrator", "direct")
+    builder.diagnostics.unknown('the scene has no integrator; "path" is used', scene.location)
+    return _implied(scene, "integrator", "path")
+
+
+def _sensor(builder: Builder, node: Node) -> dict[str, Any]:
+    _warn_of_media(builder, node)
+    entry = builder.construct(node)
+    if entry is None:
+        raise SceneError(f"{node} is not supported", node.plugin_location)
+    return entry
+
+
+def _warn_of_media(builder: Builder, node: Node) -> None:
+    for prop, child in node.children("medium", "subsurface"):
+        builder.diagnostics.unknown(f"{child.kind} is not supported and left out", prop.location)
+
+
+def _add_emitter(builder: Builder, node: Node) -> None:
+    if node.plugin.lower() == "area":
+        raise SceneError("an area light must stand inside a shape", node.location)
+    entry = builder.construct(node)
+    if entry is not None:
+        builder.emitters.append(entry)
+
+
+def _add_shape(builder: Builder, node: Node) -> None:
+    _warn_of_media(builder, node)
+    entry = builder.construct(node)
+    if entry is None:
+        return
+    emitter = _area_light(builder, node)
+    material = builder.add_material(_material(builder, node, emits=emitter >= 0))
+    builder.shapes.append({**entry, "material": material, "emitter": emitter})
+
+
+def _area_light(builder: Builder, shape: Node) -> int:
+    """The index of a shape's light, -1 without one. Every shape has a light of its own."""
+    node = _only(builder, shape, "emitter")
+    if node is None:
+        return -1
+    if node.plugin.lower() != "area":
+        builder.diagnostics.unknown(f"{node} cannot stand inside a shape and is left out", node.location)
+        return -1
+    builder.emitters.append(builder.construct(node))
+    return len(builder.emitters) - 1
+
+
+def _material(builder: Builder, shape: Node, *, emits: bool) -> Slot:
+    node = _only(builder, shape, "bsdf")
+    slot = builder.slot(node) if node else None
+    if slot is None:
+        slot = builder.slot(_default_bsdf(shape, emits=emits))
+    assert slot is not None
+    opaque = builder.bsdfs[slot.front]["type"] not in TRANSMISSIVE
+    if builder.two_sided and opaque and slot.back < 0:
+        return Slot(slot.front, slot.front, slot.opacity, slot.opacity_texture)
+    return slot
+
+
+def _default_bsdf(shape: Node, *, emits: bool) -> Node:
+    """Black on lights; nothing around a medium in files before 2.0; else grey."""
+    location = shape.location
+    if emits:
+        black = Property("reflectance", Rgb((0.0, 0.0, 0.0)), location, location)
+        return Node("bsdf", "diffuse", location, location, properties=[black])
+    has_medium = any(True for _ in shape.children("medium"))
+    invisible = has_medium and shape.version < (2, 0, 0)
+    return Node("bsdf", "null" if invisible else "diffuse", location, location)

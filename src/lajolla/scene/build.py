@@ -1,0 +1,181 @@
+"""Nodes to the description that the core takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeGuard
+
+from .convert import convert
+from .errors import Diagnostics, Location, SceneError, did_you_mean
+from .files import find_file
+from .nodes import Node
+from .plugins import READER_PLUGINS
+from .schema import CHILDREN, HARMLESS, Content, Plugin, Schema, Slot, fields_of
+from .substitutes import DROPPED, NESTED, substitute_for
+
+
+def plugins_by_kind(schema: Schema) -> dict[str, dict[str, Plugin]]:
+    """Every plugin that scenes may use: the core's models, and the reader's own in front of them."""
+    table: dict[str, dict[str, Plugin]] = {}
+    for kind, models in schema.items():
+        for name, model in models.items():
+            fields = fields_of(schema, kind, name)
+            plugin = Plugin(kind, name, model["doc"], fields, _entry, CHILDREN.get(kind, ()), model=name)
+            table.setdefault(kind, {})[name.lower()] = plugin
+    for plugin in READER_PLUGINS:
+        table.setdefault(plugin.kind, {})[plugin.name.lower()] = plugin.with_model(schema)
+    return table
+
+
+def _entry(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    plugin = builder.plugin(node)
+    assert plugin is not None
+    return {"type": plugin.model, **values}
+
+
+@dataclass
+class Builder:
+    """Builds a description; holds what is shared on the way."""
+
+    core: ModuleType
+    diagnostics: Diagnostics
+    search_paths: list[Path]
+    two_sided: bool = False
+    table: dict[str, dict[str, Plugin]] = field(default_factory=dict)
+    textures: list[dict[str, Any]] = field(default_factory=list)
+    bsdfs: list[dict[str, Any]] = field(default_factory=list)
+    materials: list[dict[str, Any]] = field(default_factory=list)
+    emitters: list[dict[str, Any]] = field(default_factory=list)
+    shapes: list[dict[str, Any]] = field(default_factory=list)
+    built: dict[Node, Any] = field(default_factory=dict)  # textures and bsdfs are shared
+    bsdf_indices: dict[str, int] = field(default_factory=dict)
+    slots: dict[Slot, int] = field(default_factory=dict)
+    files: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # meshes and images are read once
+
+    def __post_init__(self) -> None:
+        self.table = plugins_by_kind(self.core.schema())
+
+    # Files
+
+    def directories(self, location: Location) -> list[Path]:
+        """Where the files that an object names may be."""
+        return [location.source.directory, *self.search_paths]
+
+    def find(self, node: Node, name: str = "filename") -> tuple[Path, Location]:
+        """The file that a property names, and the place of the name.
+
+        Raises:
+            SceneError: the property or the file is missing.
+        """
+        prop = node.find(name)
+        if prop is None or not isinstance(prop.value, str):
+            raise SceneError(f'{node} needs the string "{name}"', node.location)
+        return find_file(prop.value, self.directories(prop.location), prop.location), prop.location
+
+    # Plugins
+
+    def plugin(self, node: Node) -> Plugin | None:
+        """The plugin that a node asks for, whatever the case of the name."""
+        return self.table.get(node.kind, {}).get(node.plugin.lower())
+
+    def construct(self, node: Node) -> Content:
+        """What the node's plugin makes of it, or its substitute; None when the node is left out.
+
+        Raises:
+            SceneError: the object cannot be built, or, when strict, is not known.
+        """
+        plugin = self.plugin(node)
+        if plugin is None:
+            return self._substitute(node)
+        return plugin.build(self, node, self.values(node, plugin))
+
+    def _substitute(self, node: Node) -> Content:
+        names = self.table.get(node.kind, {})
+        name = substitute_for(node, names)
+        used = "it is left out" if name is DROPPED else f'"{name}" is used'
+        nested = next((child for _, child in node.children(node.kind)), None)
+        if name is NESTED:
+            if nested is None:
+                name, used = DROPPED, "it is left out"
+            else:
+                used = f"the {nested} inside it is used"
+        if node.plugin:
+            hint = did_you_mean(node.plugin, names, limit=0) if name is DROPPED else ""
+            message = f'there is no {node.kind} "{node.plugin}"; {used}{hint}'
+            self.diagnostics.unknown(message, node.plugin_location)
+        if name is DROPPED:
+            return None
+        if name is NESTED and nested is not None:
+            return self.construct(nested)
+        plugin = names[name]
+        known = {f.name for f in plugin.fields}
+        kept = [p for p in node.properties if p.name in known or _is_child(p.value, plugin)]
+        return self.construct(
+            Node(node.kind, plugin.name, node.location, node.plugin_location, properties=kept)
+        )
+
+    def values(self, node: Node, plugin: Plugin) -> dict[str, Any]:
+        """The node's properties as fields of the plugin; unknown ones are told."""
+        fields = {f.name: f for f in plugin.fields}
+        values: dict[str, Any] = {}
+        for prop in node.properties:
+            if _is_texture(prop.value) and self.texture(prop.value) is None:
+                continue  # left out, as was told
+            if prop.name in fields and not _is_child(prop.value, plugin):
+                values[prop.name] = convert(self, node, prop, fields[prop.name])
+            elif not _is_child(prop.value, plugin) and prop.name not in HARMLESS.get(node.kind, ()):
+                self._unknown_property(node, prop.name, prop.value, fields, prop.name_location)
+        return values
+
+    def _unknown_property(
+        self, node: Node, name: str, value: object, fields: Iterable[str], location: Location
+    ) -> None:
+        what = f'property "{name}"' if name else str(value)
+        hint = did_you_mean(name, fields) if name else ""
+        self.diagnostics.unknown(f"{node} has no use for the {what}{hint}", location)
+
+    # Shared objects
+
+    def texture(self, node: Node) -> Content:
+        """The value of a texture: a colour, or `{"texture": index}`. A texture used twice is built once."""
+        if node not in self.built:
+            value = self.construct(node)
+            if isinstance(value, dict) and "type" in value:
+                self.textures.append(value)
+                value = {"texture": len(self.textures) - 1}
+            self.built[node] = value
+        return self.built[node]
+
+    def slot(self, node: Node) -> Slot | None:
+        """The material slot of a bsdf; None when it is left out."""
+        if node not in self.built:
+            result = self.construct(node)
+            self.built[node] = Slot(self.add_bsdf(result), -1) if isinstance(result, dict) else result
+        return self.built[node]
+
+    def add_bsdf(self, entry: dict[str, Any]) -> int:
+        """The index of a bsdf; the same entry is not added twice."""
+        key = repr(entry)
+        if key not in self.bsdf_indices:
+            self.bsdf_indices[key] = len(self.bsdfs)
+            self.bsdfs.append(entry)
+        return self.bsdf_indices[key]
+
+    def add_material(self, slot: Slot) -> int:
+        """The index of a material slot; the same one is not added twice."""
+        if slot not in self.slots:
+            self.slots[slot] = len(self.materials)
+            opacity = slot.opacity if slot.opacity_texture < 0 else {"texture": slot.opacity_texture}
+            self.materials.append({"front": slot.front, "back": slot.back, "opacity": opacity})
+        return self.slots[slot]
+
+
+def _is_texture(value: object) -> TypeGuard[Node]:
+    return isinstance(value, Node) and value.kind == "texture"
+
+
+def _is_child(value: object, plugin: Plugin) -> bool:
+    return isinstance(value, Node) and value.kind in plugin.children

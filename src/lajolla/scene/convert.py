@@ -1,0 +1,195 @@
+"""One property to the value that the core takes for a field."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .errors import SceneError, did_you_mean
+from .files import find_file
+from .ior import index_of_refraction
+from .nodes import Blackbody, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
+from .schema import Content, Field
+from .spectra import read_spd, to_rgb
+
+if TYPE_CHECKING:
+    from .build import Builder
+
+CONSTANTS = (int, float, Vector, dict, Rgb, Spectrum, Blackbody)
+INDEX_FIELDS = ("int_ior", "ext_ior", "ext_eta")  # these take the name of a material as well
+
+# Choices of other versions that another choice stands for, and whether the picture differs.
+SAME_CHOICE = {
+    ("filter_type", "ewa"): ("trilinear", False),
+    ("distribution", "phong"): ("beckmann", True),
+    ("distribution", "as"): ("beckmann", True),
+}
+
+
+def convert(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    """A property's value as a field of that type.
+
+    Raises:
+        SceneError: the value is of another type or out of range.
+    """
+    value = CONVERTERS[field.type](builder, owner, prop, field)
+    if value is None:
+        raise SceneError(f'"{prop.name}" of {owner} expects {EXPECTED[field.type]}', prop.location)
+    return value
+
+
+def _float(builder: Builder, owner: Node, prop: Property, field: Field) -> float | None:
+    value = prop.value
+    if isinstance(value, str) and field.name in INDEX_FIELDS:
+        return index_of_refraction(value, prop.location)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return _in_range(float(value), prop, field)
+
+
+def _integer(builder: Builder, owner: Node, prop: Property, field: Field) -> int | None:
+    value = prop.value
+    if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value):
+        return None
+    return int(_in_range(int(value), prop, field))
+
+
+def _in_range(value: float, prop: Property, field: Field) -> float:
+    low, high = _limits(field)
+    if not low <= value <= high:
+        wanted = f"at least {low:g}" if math.isinf(high) else f"between {low:g} and {high:g}"
+        raise SceneError(f'"{prop.name}" must be {wanted}, not {value:g}', prop.location)
+    return value
+
+
+def _limits(field: Field) -> tuple[float, float]:
+    low = -math.inf if field.minimum is None else field.minimum
+    return (low, math.inf if field.maximum is None else field.maximum)
+
+
+def _boolean(builder: Builder, owner: Node, prop: Property, field: Field) -> bool | None:
+    return prop.value if isinstance(prop.value, bool) else None
+
+
+def _string(builder: Builder, owner: Node, prop: Property, field: Field) -> str | None:
+    return prop.value if isinstance(prop.value, str) else None
+
+
+def _choice(builder: Builder, owner: Node, prop: Property, field: Field) -> str | None:
+    if not isinstance(prop.value, str):
+        return None
+    wanted = prop.value.strip().lower()
+    same, differs = SAME_CHOICE.get((field.name, wanted), (wanted, False))
+    if differs:
+        builder.diagnostics.warn(
+            f'"{wanted}" is not there for "{field.name}"; "{same}" is used', prop.location
+        )
+    if same not in field.choices:
+        hint = did_you_mean(wanted, field.choices)
+        raise SceneError(f'"{prop.value}" is no choice for "{prop.name}"{hint}', prop.location)
+    return same
+
+
+def _vector(builder: Builder, owner: Node, prop: Property, field: Field) -> tuple[float, float, float] | None:
+    if isinstance(prop.value, Vector):
+        return prop.value.xyz
+    return prop.value.values if isinstance(prop.value, Rgb) else None
+
+
+def _transform(builder: Builder, owner: Node, prop: Property, field: Field) -> np.ndarray | None:
+    value = prop.value
+    if not isinstance(value, np.ndarray) or value.shape != (4, 4):
+        return None
+    if field.name != "to_uv":
+        return value
+    matrix = np.eye(4)  # texture space has two dimensions: z takes no part
+    matrix[:2, :2], matrix[:2, 3] = value[:2, :2], value[:2, 3]
+    return matrix
+
+
+def _spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    value = _texture_spectrum(builder, owner, prop, field)
+    if isinstance(value, dict):
+        raise SceneError(f'"{prop.name}" of {owner} must be constant, not a texture', prop.location)
+    return value
+
+
+def _texture_spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    value = constant_or_texture(builder, prop)
+    if isinstance(value, dict) or value is None:
+        return value
+    if isinstance(value, int | float):
+        rgb = (float(value),) * 3
+    else:
+        colour = Rgb(value.xyz) if isinstance(value, Vector) else value
+        emission = owner.kind == "emitter"
+        rgb = to_rgb(colour, emission=emission, diagnostics=builder.diagnostics, location=prop.location)
+    return _clamp(builder, owner, rgb, prop, field)
+
+
+def _texture_float(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    """A colour stands for the mean of its channels, as in Mitsuba 3."""
+    value = _texture_spectrum(builder, owner, prop, field)
+    return value if isinstance(value, dict) or value is None else sum(value) / 3
+
+
+def constant_or_texture(builder: Builder, prop: Property) -> Content:
+    """A number, a colour, a vector, or `{"texture": index}`; None for anything else."""
+    value = prop.value
+    if isinstance(value, Node):
+        value = builder.texture(value) if value.kind == "texture" else None
+    if isinstance(value, SpectrumFile):
+        path = find_file(value.filename, builder.directories(prop.location), prop.location)
+        return read_spd(path, prop.location)
+    known = isinstance(value, CONSTANTS) and not isinstance(value, bool)
+    return value if known else None
+
+
+def _clamp(
+    builder: Builder, owner: Node, rgb: tuple[float, ...], prop: Property, field: Field
+) -> tuple[float, ...]:
+    low, high = _limits(field)
+    clamped = tuple(min(max(v, low), high) for v in rgb)
+    if max(abs(a - b) for a, b in zip(rgb, clamped, strict=True)) > 1e-4:
+        shown = ", ".join(f"{v:.4g}" for v in rgb)
+        bounds = f"below {low:g}" if min(rgb) < low else f"above {high:g}"
+        builder.diagnostics.warn(f'"{prop.name}" of {owner} is {bounds} ({shown}) and clamped', prop.location)
+    return clamped
+
+
+def _object(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    return prop.value if not isinstance(prop.value, Node | str | int | float) else None
+
+
+CONVERTERS: dict[str, Callable[[Builder, Node, Property, Field], Any]] = {
+    "float": _float,
+    "integer": _integer,
+    "boolean": _boolean,
+    "choice": _choice,
+    "string": _string,
+    "vector": _vector,
+    "transform": _transform,
+    "spectrum": _spectrum,
+    "texture_float": _texture_float,
+    "texture_spectrum": _texture_spectrum,
+    "mesh": _object,
+    "image": _object,
+}
+
+EXPECTED = {
+    "float": "a number",
+    "integer": "a whole number",
+    "boolean": "true or false",
+    "choice": "a string",
+    "string": "a string",
+    "vector": "a vector",
+    "transform": "a transform",
+    "spectrum": "a colour",
+    "texture_float": "a number or a texture",
+    "texture_spectrum": "a colour or a texture",
+    "mesh": "a mesh object",
+    "image": "an image object",
+}

@@ -1,0 +1,155 @@
+"""Scenes as Python dicts, in the conventions of Mitsuba 3's `load_dict`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .errors import Location, SceneError, Source, did_you_mean, nearest
+from .expand import LATEST
+from .literals import Text, checked_spectrum, parse_rgb
+from .nodes import KINDS, Blackbody, Node, Property, Reference, Rgb, Spectrum, SpectrumFile, Value, Vector
+from .resolve import MAX_NESTING
+from .schema import Content, Plugin
+from .substitutes import SUBSTITUTES
+from .transforms import checked_matrix
+from .typed import Tree
+
+
+def nodes_from_dict(
+    scene: Mapping[str, Any], base_path: Path, table: Mapping[str, Mapping[str, Plugin]]
+) -> Tree:
+    """The nodes of a scene dict. Every key of the root is the id of its object.
+
+    Raises:
+        SceneError: no "type", an unknown one, or a value of a type that scenes do not have.
+    """
+    source = Source("scene", b"", base_path, LATEST)
+    reader = _DictReader(source, table)
+    if not isinstance(scene, Mapping) or scene.get("type") != "scene":
+        raise SceneError('the dict must have {"type": "scene"}', Location(source))
+    root = Node("scene", "scene", Location(source), Location(source))
+    reader.tree = Tree(root, nodes=[root])
+    reader.properties(scene, root, [])
+    return reader.tree
+
+
+@dataclass
+class _DictReader:
+    source: Source
+    table: Mapping[str, Mapping[str, Plugin]]
+    tree: Tree | None = None
+
+    def properties(self, entries: Mapping[str, Any], node: Node, path: list[str]) -> None:
+        """Adds a dict's entries to its node."""
+        if len(path) > MAX_NESTING:
+            raise SceneError(f"dicts are nested more than {MAX_NESTING} deep", self.at(path[:4]))
+        for key, entry in entries.items():
+            if not isinstance(key, str):
+                raise SceneError(f"the key {key!r} is not a string", self.at(path))
+            if key in ("type", "id"):
+                continue
+            location = self.at([*path, key])
+            value = self.value(entry, [*path, key])
+            node.properties.append(Property(key, value, location, location))
+
+    def at(self, path: list[str]) -> Location:
+        return Location(self.source, key=".".join(path))
+
+    def value(self, entry: Content, path: list[str]) -> Value:
+        """A node for a dict, and a typed value for anything else."""
+        location = self.at(path)
+        if isinstance(entry, Mapping):
+            return self.typed(entry, path)
+        if isinstance(entry, bool | np.bool_):
+            return bool(entry)
+        if isinstance(entry, int | np.integer):
+            return int(entry)
+        if isinstance(entry, float | np.floating):
+            return float(entry)
+        if isinstance(entry, str | Path):
+            return str(entry)
+        return _array_value(entry, location)
+
+    def typed(self, entry: Mapping[str, Any], path: list[str]) -> Value:
+        """A colour, a reference, or an object, by its "type"."""
+        location = self.at(path)
+        kind_of_value = entry.get("type")
+        if not isinstance(kind_of_value, str):
+            raise SceneError('a dict needs a "type"', location)
+        if kind_of_value == "ref":
+            return Reference(str(entry.get("id", "")))
+        if kind_of_value in ("rgb", "srgb") and "value" in entry:
+            return _rgb(entry["value"], location, srgb=kind_of_value == "srgb")
+        if kind_of_value == "spectrum":
+            return _spectrum(entry, location)
+        if kind_of_value == "blackbody" and isinstance(entry.get("temperature"), int | float):
+            return Blackbody(float(entry["temperature"]), float(entry.get("scale", 1.0)))
+        name = str(entry.get("id", path[0] if len(path) == 1 else ""))
+        kind = self.kind(kind_of_value, path[-1], location)
+        node = Node(kind, kind_of_value, location, location, name)
+        assert self.tree is not None
+        self.tree.nodes.append(node)
+        self.properties(entry, node, path)
+        return node
+
+    def kind(self, plugin: str, key: str, location: Location) -> str:
+        """The kind of object that a plugin name means; the key may be that of a kind ("integrator")."""
+        name = plugin.lower()
+        kinds = [k for k in KINDS if name in self.table.get(k, {}) or name in SUBSTITUTES.get(k, {})]
+        if key in KINDS and (not kinds or key in kinds):
+            return key
+        if kinds:
+            return kinds[0]
+        known = [plugin for names in self.table.values() for plugin in names]
+        close = nearest(plugin, known)
+        hint = did_you_mean(plugin, known) if close else ""
+        raise SceneError(f'there is no plugin "{plugin}"{hint}', location)
+
+
+def _array_value(entry: Content, location: Location) -> Value:
+    """Three numbers are a vector, a 4x4 (or 3x3, of texture space) matrix a transform; other objects stay."""
+    matrix = getattr(entry, "matrix", entry)
+    try:
+        array = np.asarray(matrix, dtype=np.float64)
+    except (TypeError, ValueError):
+        return entry
+    if array.shape == (3,):
+        return Vector((float(array[0]), float(array[1]), float(array[2])))
+    if array.shape == (4, 4):
+        return checked_matrix(array, location)
+    if array.shape == (3, 3):
+        embedded = np.eye(4)
+        embedded[:2, :2], embedded[:2, 3] = array[:2, :2], array[:2, 2]
+        return checked_matrix(embedded, location)
+    return entry
+
+
+def _rgb(value: Content, location: Location, *, srgb: bool) -> Rgb:
+    text = (
+        value
+        if isinstance(value, str)
+        else " ".join(repr(float(v)) for v in np.ravel(np.asarray(value, float)))
+    )
+    return parse_rgb(Text(text, location), srgb=srgb)
+
+
+def _spectrum(entry: Mapping[str, Any], location: Location) -> Value:
+    if isinstance(entry.get("filename"), str):
+        return SpectrumFile(entry["filename"])
+    value = entry.get("value")
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return Spectrum((float(value),))
+    try:
+        samples = np.asarray(value, dtype=np.float64)
+        wavelengths = samples[:, 0] if "wavelengths" not in entry else np.asarray(entry["wavelengths"], float)
+        values = samples[:, 1] if "wavelengths" not in entry else samples
+        return checked_spectrum(tuple(map(float, wavelengths)), tuple(map(float, values)), location)
+    except (TypeError, ValueError, IndexError):
+        raise SceneError(
+            'a spectrum needs a "value": a number or (wavelength, value) pairs', location
+        ) from None

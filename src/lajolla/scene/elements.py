@@ -1,0 +1,108 @@
+"""Scene text to a tree of elements that know where they stand."""
+
+from __future__ import annotations
+
+import codecs
+import re
+import xml.parsers.expat
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .errors import Diagnostics, Location, SceneError, Source
+
+MAX_DEPTH = 64  # real scenes nest less than ten deep
+
+
+@dataclass(eq=False)
+class Element:
+    """One XML element with its attributes as written."""
+
+    tag: str
+    attributes: dict[str, str]
+    location: Location
+    children: list[Element] = field(default_factory=list)
+
+    def at(self, attribute: str) -> Location:
+        """The place of an attribute's value; that of the element when the attribute is absent."""
+        data, start = self.location.source.data, self.location.offset
+        in_tag = (
+            rb"""\A<(?:[^>"']|"[^"]*"|'[^']*')*?\s""" + re.escape(attribute.encode()) + rb"""\s*=\s*["']"""
+        )
+        found = re.match(in_tag, data[start : start + 4096])
+        return Location(self.location.source, start + found.end()) if found else self.location
+
+
+def read_source(path: Path, name: str, diagnostics: Diagnostics) -> Source:
+    """Reads a scene file as text of whatever encoding it is in.
+
+    Raises:
+        SceneError: the file is missing, is no regular file, or cannot be read or decoded.
+    """
+    source = Source(name, b"", path.parent)
+    if not path.is_file():
+        raise SceneError("no such file" if not path.exists() else "not a file", Location(source))
+    try:
+        data = path.read_bytes()
+    except OSError as problem:
+        raise SceneError(f"cannot be read: {problem.strerror}", Location(source)) from None
+    source.data = _to_utf8(data, source, diagnostics)
+    return source
+
+
+def _to_utf8(data: bytes, source: Source, diagnostics: Diagnostics) -> bytes:
+    encoding = _encoding(data)
+    try:
+        return data.decode(encoding or "utf-8").removeprefix("\ufeff").encode()
+    except UnicodeError:
+        if encoding:
+            raise SceneError(f"the text is not valid {encoding}", Location(source)) from None
+        diagnostics.warn("the text is not UTF-8 and declares no encoding; read as latin-1", Location(source))
+        return data.decode("latin-1").encode()
+    except LookupError:
+        raise SceneError(f'unknown text encoding "{encoding}"', Location(source)) from None
+
+
+def _encoding(data: bytes) -> str | None:
+    """The encoding that a byte order mark or the XML declaration names, if any."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    if data.startswith((b"<\0", b"\0<")):
+        return "utf-16-le" if data[0] else "utf-16-be"
+    declared = re.match(rb"""\s*<\?xml[^>]*?encoding\s*=\s*["']([A-Za-z0-9._-]+)""", data[:256])
+    name = declared.group(1).decode().lower() if declared else ""
+    return None if name in ("", "utf-8", "utf8") else name
+
+
+def parse_xml(source: Source) -> Element:
+    """Parses a source to its root element.
+
+    Raises:
+        SceneError: malformed XML, a document type (hence any entity), or elements nested too deep.
+    """
+    parser = xml.parsers.expat.ParserCreate("utf-8")
+    document = Element("", {}, Location(source))
+    open_elements = [document]
+
+    def here() -> Location:
+        return Location(source, max(0, parser.CurrentByteIndex))
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        if len(open_elements) > MAX_DEPTH:
+            raise SceneError(f"elements are nested more than {MAX_DEPTH} deep", here())
+        element = Element(tag, attributes, here())
+        open_elements[-1].children.append(element)
+        open_elements.append(element)
+
+    def refuse_doctype(*_: object) -> None:
+        raise SceneError("a document type is not allowed in a scene (entities are refused)", here())
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda _: open_elements.pop()
+    parser.StartDoctypeDeclHandler = refuse_doctype
+    try:
+        parser.Parse(source.data, True)
+    except xml.parsers.expat.ExpatError as problem:
+        reason = xml.parsers.expat.errors.messages.get(problem.code, "malformed")
+        offset = min(max(0, parser.ErrorByteIndex), len(source.data))
+        raise SceneError(f"not valid XML: {reason}", Location(source, offset)) from None
+    return document.children[0]

@@ -1,0 +1,137 @@
+"""Where things stand in scene files, and the messages that point there."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+EXCERPT_WIDTH = 100
+
+
+@dataclass(eq=False)
+class Source:
+    """One scene file: its name as shown in messages, its UTF-8 text, its folder and its format version."""
+
+    name: str
+    data: bytes
+    directory: Path
+    version: tuple[int, int, int] = (3, 0, 0)
+
+
+@dataclass(frozen=True)
+class Location:
+    """A place in a scene file (`source` and byte `offset`), or the path of a key in a scene dict (`key`)."""
+
+    source: Source
+    offset: int = 0
+    key: str = ""
+
+    @property
+    def line(self) -> int:
+        """Line number, counted from one."""
+        return self.source.data.count(b"\n", 0, self.offset) + 1
+
+    @property
+    def column(self) -> int:
+        """Column in characters, counted from one."""
+        return len(self.source.data[self._line_start : self.offset].decode("utf-8", "replace")) + 1
+
+    @property
+    def _line_start(self) -> int:
+        return self.source.data.rfind(b"\n", 0, self.offset) + 1
+
+    def excerpt(self) -> str:
+        """The line with a caret under the place, cut to a readable width; empty for scene dicts."""
+        if self.key or not self.source.data:
+            return ""
+        start = self._line_start
+        end = self.source.data.find(b"\n", start)
+        line = self.source.data[start : end if end >= 0 else None].decode("utf-8", "replace").rstrip()
+        caret = self.column - 1
+        cut = (
+            max(0, caret - EXCERPT_WIDTH // 2)
+            if len(line) > EXCERPT_WIDTH
+            else len(line) - len(line.lstrip())
+        )
+        shown = line[cut : cut + EXCERPT_WIDTH].replace("\t", " ")
+        printable = "".join(c if c.isprintable() else "?" for c in shown)
+        return f"\n    {printable}\n    {' ' * max(0, caret - cut)}^"
+
+    def __str__(self) -> str:
+        if self.key:
+            return f"{self.source.name}[{self.key}]"
+        return f"{self.source.name}:{self.line}:{self.column}" if self.source.data else self.source.name
+
+
+def format_message(severity: str, message: str, location: Location | None) -> str:
+    """`file:line:column: severity: message`, then the line and a caret."""
+    if location is None:
+        return f"{severity}: {message}"
+    return f"{location}: {severity}: {message}{location.excerpt()}"
+
+
+class SceneError(Exception):
+    """A scene that cannot be read; `str()` is the full message with place, excerpt and caret."""
+
+    def __init__(self, message: str, location: Location | None = None) -> None:
+        super().__init__(format_message("error", message, location))
+        self.message = message
+        self.location = location
+
+
+@dataclass(frozen=True)
+class SceneWarning:
+    """Something in a scene that is not rendered as written; the first of `count` places that say so."""
+
+    message: str
+    location: Location | None = None
+    count: int = 1
+
+    def __str__(self) -> str:
+        more = f" ({self.count} times)" if self.count > 1 else ""
+        return format_message("warning", self.message + more, self.location)
+
+
+@dataclass
+class Diagnostics:
+    """Collects warnings. With `strict`, what a scene asks for and cannot have is an error."""
+
+    strict: bool = False
+    collected: dict[str, SceneWarning] = field(default_factory=dict)
+
+    def warn(self, message: str, location: Location | None = None) -> None:
+        """Notes something that is rendered in another way than the file might suggest."""
+        known = self.collected.get(message)
+        if known:
+            self.collected[message] = replace(known, count=known.count + 1)
+        else:
+            self.collected[message] = SceneWarning(message, location)
+
+    def unknown(self, message: str, location: Location | None = None) -> None:
+        """Notes an unknown name: a warning, or an error when strict."""
+        if self.strict:
+            raise SceneError(message, location)
+        self.warn(message, location)
+
+    @property
+    def warnings(self) -> list[SceneWarning]:
+        """The warnings in the order in which they were met."""
+        return list(self.collected.values())
+
+
+def nearest(name: str, valid: Iterable[str]) -> str | None:
+    """The valid name that `name` most resembles, regardless of case; None when nothing is close."""
+    by_lower = {v.lower(): v for v in sorted(valid)}
+    found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
+    return by_lower[found[0]] if found else None
+
+
+def did_you_mean(name: str, valid: Iterable[str], limit: int = 12) -> str:
+    """A hint to append to a message: the nearest valid name, else the valid names where they are few."""
+    names = sorted(valid)
+    close = nearest(name, names)
+    if close:
+        return f'; did you mean "{close}"?'
+    return f"; valid: {', '.join(names)}" if 0 < len(names) <= limit else ""

@@ -1,0 +1,42 @@
+"""Finding the files that a scene names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from .errors import Location, SceneError
+
+
+def find_file(name: str, directories: Iterable[Path], location: Location) -> Path:
+    """Finds a file as scenes name them: relative to one of the folders, with either slash, in any case.
+
+    Raises:
+        SceneError: nothing is there; the message lists the folders that were searched.
+    """
+    wanted = name.replace("\\", "/")
+    searched = list(dict.fromkeys(directories))
+    if not wanted.strip() or "\0" in wanted:
+        raise SceneError("a file name is expected", location)
+    for directory in searched:
+        found = _in_any_case(directory / wanted)
+        if found is not None:
+            return found
+    where = ", ".join(str(d) for d in searched)
+    raise SceneError(
+        f'file "{name}" not found' + ("" if wanted.startswith("/") else f"; searched: {where}"), location
+    )
+
+
+def _in_any_case(path: Path) -> Path | None:
+    """The path itself if it exists, else what differs from it in case only, as on systems that ignore case."""
+    try:
+        if path.exists():
+            return path
+        folder = path.parent if path.parent.is_dir() else _in_any_case(path.parent)
+        if path.parent == path or folder is None or not folder.is_dir():
+            return None
+        wanted = path.name.lower()
+        return next((entry for entry in sorted(folder.iterdir()) if entry.name.lower() == wanted), None)
+    except OSError:  # a name too long, a folder that may not be listed
+        return None

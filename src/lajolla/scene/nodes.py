@@ -1,0 +1,132 @@
+"""The scene as typed objects: what XML elements and Python dicts both become."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import TypeAlias, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import Location
+
+Array: TypeAlias = npt.NDArray[np.float64]
+
+# A node of a kind stands for an object that the renderer (or the reader) knows by its plugin name.
+KINDS = (
+    "scene",
+    "integrator",
+    "sensor",
+    "film",
+    "rfilter",
+    "sampler",
+    "bsdf",
+    "texture",
+    "emitter",
+    "shape",
+    "medium",
+    "phase",
+    "volume",
+    "subsurface",
+)
+
+
+@dataclass(frozen=True)
+class Vector:
+    """A point or a vector: three numbers."""
+
+    xyz: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Rgb:
+    """A linear sRGB colour."""
+
+    values: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Values over wavelengths in nm, linear in between; without wavelengths, one value over all of them."""
+
+    values: tuple[float, ...]
+    wavelengths: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class SpectrumFile:
+    """A spectrum in an `.spd` file."""
+
+    filename: str
+
+
+@dataclass(frozen=True)
+class Blackbody:
+    """Planck's law at a temperature in kelvin, times a scale."""
+
+    temperature: float
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The object that has this id, anywhere in the scene."""
+
+    id: str
+
+
+# A transform is a 4x4 array; any other object (an image, a mesh) comes from a Python dict only.
+Value: TypeAlias = Union[
+    bool, int, float, str, Vector, Rgb, Spectrum, SpectrumFile, Blackbody, Array, Reference, "Node", object
+]
+
+
+@dataclass
+class Property:
+    """A named value of a node. `name` is empty for children that are told apart by their kind."""
+
+    name: str
+    value: Value
+    location: Location  # of the value
+    name_location: Location
+
+
+@dataclass(eq=False)
+class Node:
+    """An object of the scene: its kind ("bsdf"), its plugin ("diffuse") and its properties in file order."""
+
+    kind: str
+    plugin: str
+    location: Location
+    plugin_location: Location
+    id: str = ""
+    properties: list[Property] = field(default_factory=list)
+
+    def find(self, name: str) -> Property | None:
+        """The property of that name; the last one if it was given twice."""
+        return next((p for p in reversed(self.properties) if p.name == name), None)
+
+    def children(self, *kinds: str) -> Iterator[tuple[Property, Node]]:
+        """The child nodes of these kinds in order, each with the property that holds it."""
+        for prop in self.properties:
+            if isinstance(prop.value, Node) and prop.value.kind in kinds:
+                yield prop, prop.value
+
+    def set_default(self, name: str, value: Value) -> None:
+        """Adds a property unless one of that name is there."""
+        if self.find(name) is None:
+            self.properties.append(Property(name, value, self.plugin_location, self.plugin_location))
+
+    def without(self, names: Iterable[str]) -> list[Property]:
+        """The properties except those of these names."""
+        dropped = set(names)
+        return [p for p in self.properties if p.name not in dropped]
+
+    @property
+    def version(self) -> tuple[int, int, int]:
+        """The format version of the file in which the node stands."""
+        return self.location.source.version
+
+    def __str__(self) -> str:
+        return f'{self.kind} "{self.plugin}"' if self.plugin else self.kind

@@ -1,0 +1,14 @@
+"""The plugins that scene files know and the core does not, or not in that form."""
+
+from ..schema import Plugin
+from . import bsdfs, colours, emitters, integrators, sensors, shapes, textures
+
+READER_PLUGINS: tuple[Plugin, ...] = (
+    *bsdfs.PLUGINS,
+    *colours.PLUGINS,
+    *textures.PLUGINS,
+    *emitters.PLUGINS,
+    *shapes.PLUGINS,
+    *sensors.PLUGINS,
+    *integrators.PLUGINS,
+)

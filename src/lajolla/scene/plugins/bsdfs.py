@@ -1,0 +1,127 @@
+"""Materials: metals by name, roughness, and the adapters that become fields of a material slot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ..conductors import CONDUCTORS
+from ..errors import SceneError, did_you_mean
+from ..nodes import Node
+from ..schema import Content, Field, Plugin, Slot
+
+if TYPE_CHECKING:
+    from ..build import Builder
+
+TRANSMISSIVE = ("dielectric", "thindielectric", "roughdielectric", "null")
+
+
+def _roughness(builder: Builder, node: Node, values: dict[str, Any]) -> None:
+    """Replaces `alpha`, or lajolla's `roughness` (its square root), by `alpha_u` and `alpha_v`."""
+    roughness = _squared(builder, node, values.pop("roughness", None))
+    alpha = values.pop("alpha", roughness)
+    if alpha is not None:
+        values.setdefault("alpha_u", alpha)
+        values.setdefault("alpha_v", alpha)
+
+
+def _squared(builder: Builder, node: Node, roughness: Content) -> float | None:
+    if isinstance(roughness, dict):
+        builder.diagnostics.unknown(f'{node} takes no texture as "roughness"; use "alpha"', node.location)
+        return None
+    return None if roughness is None else float(roughness) ** 2
+
+
+def _rough_dielectric(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    _roughness(builder, node, values)
+    return {"type": "roughdielectric", **values}
+
+
+def _rough_plastic(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    alpha = _squared(builder, node, values.pop("roughness", None))
+    if alpha is not None:
+        values.setdefault("alpha", alpha)
+    return {"type": "roughplastic", **values}
+
+
+def _conductor(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    eta, k = _named_conductor(node, values.pop("material", "none"))
+    ext_eta = values.pop("ext_eta", 1.0)
+    for name, value in (("eta", values.get("eta", eta)), ("k", values.get("k", k))):
+        values[name] = value if isinstance(value, dict) else tuple(v / ext_eta for v in value)
+    return {"type": "conductor", **values}
+
+
+def _rough_conductor(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    _roughness(builder, node, values)
+    return _conductor(builder, node, values) | {"type": "roughconductor"}
+
+
+def _named_conductor(node: Node, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """eta and k of a metal; those of "none" make a perfect mirror."""
+    by_lower = {known.lower(): pair for known, pair in CONDUCTORS.items()}
+    if name.lower() == "none":
+        return ((0.0,) * 3, (1.0,) * 3)
+    if name.lower() not in by_lower:
+        prop = node.find("material")
+        hint = did_you_mean(name, [*CONDUCTORS, "none"])
+        raise SceneError(f'no conductor is called "{name}"{hint}', prop.location if prop else node.location)
+    return by_lower[name.lower()]
+
+
+def _two_sided(builder: Builder, node: Node, values: dict[str, Any]) -> Slot | None:
+    slots = [slot for _, child in node.children("bsdf") if (slot := builder.slot(child)) is not None]
+    if not slots:
+        raise SceneError(f"{node} needs one or two bsdfs inside", node.location)
+    if len(slots) > 2:
+        builder.diagnostics.warn(f"{node} has more than two bsdfs; the first two count", node.location)
+    front, back = slots[0], slots[1] if len(slots) > 1 else slots[0]
+    if any(builder.bsdfs[slot.front]["type"] in TRANSMISSIVE for slot in (front, back)):
+        builder.diagnostics.warn(
+            f"{node} cannot hold a bsdf that lets light through; it is used alone", node.location
+        )
+        return front
+    return Slot(front.front, back.front, front.opacity, front.opacity_texture)
+
+
+def _mask(builder: Builder, node: Node, values: dict[str, Any]) -> Slot | None:
+    nested = next((child for _, child in node.children("bsdf")), None)
+    inner = builder.slot(nested) if nested else None
+    if inner is None:
+        raise SceneError(f"{node} needs a bsdf inside", node.location)
+    opacity = values.get("opacity", 0.5)
+    if isinstance(opacity, dict):
+        if inner.opacity < 1 or inner.opacity_texture >= 0:
+            builder.diagnostics.warn("of nested masks, only the outer texture counts", node.location)
+        return Slot(inner.front, inner.back, 1.0, opacity["texture"])
+    if inner.opacity_texture >= 0:
+        builder.diagnostics.warn("of nested masks, only the inner texture counts", node.location)
+    return Slot(inner.front, inner.back, inner.opacity * opacity, inner.opacity_texture)
+
+
+MATERIAL = (
+    Field("material", "string", "name of a metal, instead of eta and k; none is a perfect mirror", "none"),
+    Field(
+        "ext_eta", "float", "index of refraction outside, by which eta and k are divided; number or name", 1.0
+    ),
+)
+ALPHA = (
+    Field("alpha", "texture_float", "alpha_u and alpha_v at once", 0.1, 0.0),
+    Field("roughness", "texture_float", "square root of alpha, as lajolla writes it", None, 0.0),
+)
+OPACITY = Field("opacity", "texture_float", "fraction of light that the material stops", 0.5, 0.0, 1.0)
+
+PLUGINS = (
+    Plugin("bsdf", "conductor", "Smooth metal or mirror.", MATERIAL, _conductor, model="conductor"),
+    Plugin(
+        "bsdf",
+        "roughconductor",
+        "Rough metal.",
+        (*MATERIAL, *ALPHA),
+        _rough_conductor,
+        model="roughconductor",
+    ),
+    Plugin("bsdf", "roughdielectric", "Rough glass.", ALPHA, _rough_dielectric, model="roughdielectric"),
+    Plugin("bsdf", "roughplastic", "Rough plastic.", (ALPHA[1],), _rough_plastic, model="roughplastic"),
+    Plugin("bsdf", "twosided", "The same, or another, bsdf on the back.", (), _two_sided, ("bsdf",)),
+    Plugin("bsdf", "mask", "A bsdf with holes.", (OPACITY,), _mask, ("bsdf",)),
+)

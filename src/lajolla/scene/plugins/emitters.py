@@ -1,0 +1,73 @@
+"""Lights whose place can be written in more than one way."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..images import is_integer_file, read_pixels
+from ..nodes import Node
+from ..schema import Field, Plugin
+from .textures import decode
+
+if TYPE_CHECKING:
+    from ..build import Builder
+
+
+def _envmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    del values["filename"]
+    path, location = builder.find(node)
+    key = ("envmap", path.resolve())
+    if key not in builder.files:
+        pixels = read_pixels(path, location)
+        pixels = decode(pixels) if is_integer_file(path) else pixels.astype(np.float32)
+        if not np.all(np.isfinite(pixels)) or np.any(pixels < 0):
+            builder.diagnostics.warn(
+                f'"{path.name}" has pixels that are negative or not finite; they are black', location
+            )
+            pixels = np.where(np.isfinite(pixels) & (pixels >= 0), pixels, 0).astype(np.float32)
+        rgb = np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3)))
+        builder.files[key] = builder.core.Image(rgb, srgb=False)
+    return {"type": "envmap", "image": builder.files[key], **values}
+
+
+def _point(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    to_world = values.pop("to_world", None)
+    if to_world is not None:
+        values.setdefault("position", tuple(float(v) for v in to_world[:3, 3]))
+    return {"type": "point", **values}
+
+
+def _directional(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    to_world = values.pop("to_world", None)
+    if to_world is not None:
+        values.setdefault("direction", tuple(float(v) for v in to_world[:3, 2]))
+    return {"type": "directional", **values}
+
+
+def _spot(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    values.setdefault("cutoff_angle", 20.0)
+    values.setdefault("beam_width", 0.75 * values["cutoff_angle"])
+    return {"type": "spot", **values}
+
+
+PLACE = Field("to_world", "transform", "placement, instead of the above")
+FILENAME = Field("filename", "string", "a latitude-longitude panorama; y is up")
+
+PLUGINS = (
+    Plugin(
+        "emitter",
+        "envmap",
+        "Light from far away, from a panorama.",
+        (FILENAME,),
+        _envmap,
+        model="envmap",
+        hidden=("image",),
+    ),
+    Plugin("emitter", "point", "Light from a point.", (PLACE,), _point, model="point"),
+    Plugin(
+        "emitter", "directional", "Parallel light from far away.", (PLACE,), _directional, model="directional"
+    ),
+    Plugin("emitter", "spot", "A cone of light from a point, along +z.", (), _spot, model="spot"),
+)

@@ -1,0 +1,81 @@
+"""References to the objects they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from .errors import Location, SceneError, did_you_mean
+from .nodes import Node, Reference
+from .typed import Tree
+
+MAX_NESTING = 64  # objects in objects, references followed
+
+
+def resolve(tree: Tree) -> None:
+    """Puts the node that is meant in the place of every reference.
+
+    Raises:
+        SceneError: an id that is nowhere, or twice; objects that contain themselves.
+    """
+    ids = _ids(tree)
+    for node in tree.nodes:
+        for prop in node.properties:
+            if isinstance(prop.value, Reference):
+                prop.value = _lookup(prop.value.id, ids, prop.location)
+    heights: dict[Node, int] = {}
+    for node in tree.nodes:
+        _refuse_cycles(node, [], heights)
+
+
+def _ids(tree: Tree) -> dict[str, Node]:
+    """Every id and every alias with its node."""
+    ids: dict[str, Node] = {}
+    for node in tree.nodes:
+        if node.id in ids:
+            raise _taken(node.id, ids[node.id].location, node.location)
+        if node.id:
+            ids[node.id] = node
+    aliases: dict[str, tuple[str, Location]] = {}
+    for name, target, location in tree.aliases:
+        if name in ids or name in aliases:
+            first = ids[name].location if name in ids else aliases[name][1]
+            raise _taken(name, first, location)
+        aliases[name] = (target, location)
+    return ids | {name: _follow(name, aliases, ids) for name in aliases}
+
+
+def _taken(name: str, first: Location, second: Location) -> SceneError:
+    return SceneError(f'the id "{name}" is used twice; first at {first}', second)
+
+
+def _follow(name: str, aliases: Mapping[str, tuple[str, Location]], ids: Mapping[str, Node]) -> Node:
+    location = aliases[name][1]
+    passed = [name]
+    while passed[-1] in aliases:
+        target = aliases[passed[-1]][0]
+        if target in passed:
+            raise SceneError(f"aliases go in a circle: {' -> '.join([*passed, target])}", location)
+        passed.append(target)
+    return _lookup(passed[-1], ids, location)
+
+
+def _lookup(name: str, ids: Mapping[str, Node], location: Location) -> Node:
+    if name not in ids:
+        raise SceneError(f'nothing has the id "{name}"{did_you_mean(name, ids)}', location)
+    return ids[name]
+
+
+def _refuse_cycles(node: Node, trail: list[Node], heights: dict[Node, int]) -> int:
+    """How deep the objects below a node nest; each node is walked once."""
+    if node in trail:
+        circle = [*trail[trail.index(node) :], node]
+        names = " -> ".join(n.id or str(n) for n in circle)
+        raise SceneError(f"objects contain each other: {names}", node.location)
+    if node not in heights:
+        children = [p.value for p in node.properties if isinstance(p.value, Node)]
+        heights[node] = max(
+            (1 + _refuse_cycles(child, [*trail, node], heights) for child in children), default=0
+        )
+    if len(trail) + heights[node] > MAX_NESTING:
+        raise SceneError(f"objects are nested more than {MAX_NESTING} deep", node.location)
+    return heights[node]

@@ -1,0 +1,114 @@
+"""What a plugin is to the reader: a name, a line of doc, its fields, and how to build it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+if TYPE_CHECKING:
+    from .build import Builder
+    from .nodes import Node
+
+# What descriptions and properties hold: numbers, strings, tuples, arrays, core objects, dicts of these.
+Content: TypeAlias = Any
+
+# A core model's schema: {kind: {name: {"doc": str, "fields": [{"name": str, "type": str, ...}]}}}.
+Schema: TypeAlias = Mapping[str, Mapping[str, Mapping[str, Any]]]
+
+# Kinds of children that may stand in an object without being one of its fields.
+CHILDREN = {
+    "shape": ("bsdf", "emitter", "medium", "subsurface"),
+    "sensor": ("film", "sampler", "medium"),
+    "film": ("rfilter",),
+}
+
+# Properties of Mitsuba that cannot change the picture's values here: hints to its samplers, and how and where
+# it writes files, which the command line decides.
+HARMLESS = {
+    "emitter": ("sampling_weight",),
+    "bsdf": ("sample_visible",),
+    "sensor": ("focus_distance", "shutter_open", "shutter_close"),
+    "sampler": ("dimension", "scramble", "jitter", "wavefront_size"),
+    "film": (
+        "banner",
+        "attach_log",
+        "high_quality_edges",
+        "sample_border",
+        "file_format",
+        "pixel_format",
+        "component_format",
+        "channel_names",
+        "compensate",
+    ),
+    "shape": ("name",),
+    "integrator": ("samples_per_pass", "block_size", "timeout", "cache_dimension"),
+}
+
+
+@dataclass(frozen=True)
+class Field:
+    """One parameter, as `_core.schema()` describes it; the reader adds the type "string"."""
+
+    name: str
+    type: str
+    doc: str
+    default: Any = None
+    minimum: float | None = None
+    maximum: float | None = None
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A material slot: bsdf indices for the front and the back (-1: black), and the opacity.
+
+    The opacity is a number, or where `opacity_texture` is not -1 that texture.
+    """
+
+    front: int
+    back: int
+    opacity: float = 1.0
+    opacity_texture: int = -1
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A plugin of scene files.
+
+    `build(builder, node, values)` gets the values of the properties that were given, converted, and returns
+    what the kind asks for: a description entry; for textures also a colour; for bsdfs also a `Slot`.
+    """
+
+    kind: str
+    name: str
+    doc: str
+    fields: tuple[Field, ...]
+    build: Callable[[Builder, Node, dict[str, Any]], Any]
+    children: tuple[str, ...] = ()
+    model: str = ""  # the core model that it makes, whose fields it shares
+    hidden: tuple[str, ...] = ()  # fields of the model that scenes do not set
+
+    def with_model(self, schema: Schema) -> Plugin:
+        """The same plugin with the fields of its core model before its own."""
+        shared = fields_of(schema, self.kind, self.model) if self.model else ()
+        own = {f.name for f in self.fields}
+        kept = [f for f in shared if f.name not in own and f.name not in self.hidden]
+        return Plugin(
+            self.kind, self.name, self.doc, (*kept, *self.fields), self.build, self.children, self.model
+        )
+
+    def described(self) -> dict[str, Any]:
+        """The plugin in the form of `_core.schema()`."""
+        return {"doc": self.doc, "fields": [asdict(f) | {"choices": list(f.choices)} for f in self.fields]}
+
+
+def fields_of(schema: Schema, kind: str, name: str) -> tuple[Field, ...]:
+    """The fields of a core model; none where the core does not have it."""
+    model = schema.get(kind, {}).get(name, {"fields": []})
+    known = Field.__dataclass_fields__
+    return tuple(
+        Field(**{k: tuple(v or ()) if k == "choices" else v for k, v in f.items() if k in known})
+        for f in model["fields"]
+    )

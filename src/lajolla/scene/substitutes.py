@@ -1,0 +1,77 @@
+"""What stands in for plugins that the renderer does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable
+
+from .errors import nearest
+from .nodes import Node
+
+DROPPED = "<dropped>"
+NESTED = "<nested>"  # the first child of the same kind
+
+# Plugin names of Mitsuba 0.4 to 3 and of lajolla, in lower case, with the nearest in effect. Where there is a
+# plugin of that name, its row is not asked.
+SUBSTITUTES = {
+    "bsdf": {
+        "bumpmap": NESTED,
+        "normalmap": NESTED,
+        "coating": NESTED,
+        "roughcoating": NESTED,
+        "blendbsdf": NESTED,
+        "mixturebsdf": NESTED,
+        "roughdiffuse": "diffuse",
+        "difftrans": "diffuse",
+        "phong": "roughplastic",
+        "ward": "roughplastic",
+        "principled": "roughplastic",
+        "principledthin": "diffuse",
+        "hk": "diffuse",
+        "irawan": "diffuse",
+        "hair": "diffuse",
+        "measured": "diffuse",
+        "roughconductorggx": "roughconductor",
+        "roughdielectricggx": "roughdielectric",
+        "disneydiffuse": "diffuse",
+        "disneysheen": "diffuse",
+        "disneymetal": "roughconductor",
+        "disneyclearcoat": "roughconductor",
+        "disneyglass": "roughdielectric",
+        "disneybsdf": "roughplastic",
+    },
+    "texture": {"scale": NESTED},
+    "integrator": {
+        "moment": NESTED,
+        "aov": NESTED,
+        "adaptive": NESTED,
+        "irrcache": NESTED,
+        "multichannel": NESTED,
+    },
+    "sampler": {"independent": "independent"},
+    "sensor": {"telecentric": "orthographic", "spherical": DROPPED},
+    "shape": {"mesh": DROPPED},
+}
+
+# For names that are nowhere, when none that is known looks alike.
+OTHERWISE = {
+    "bsdf": "diffuse",
+    "texture": DROPPED,
+    "integrator": "path",
+    "sampler": "sobol",
+    "film": "hdrfilm",
+    "rfilter": "gaussian",
+    "sensor": "perspective",
+}
+
+
+def substitute_for(node: Node, available: Iterable[str]) -> str:
+    """The name of an available plugin to use for an unknown one, or NESTED, or DROPPED."""
+    rows = SUBSTITUTES.get(node.kind, {})
+    default = OTHERWISE.get(node.kind, DROPPED)
+    names: Container[str] = set(available)
+    name = rows.get(node.plugin.lower())
+    if name is None and node.plugin and node.kind not in ("integrator", "sampler"):
+        name = nearest(node.plugin, [*available, *rows])
+        name = rows.get(name, name) if name else None
+    name = name or default
+    return name if name in (DROPPED, NESTED) or name in names else (default if default in names else DROPPED)

@@ -1,0 +1,137 @@
+"""Elements to nodes: every attribute gets its type here, and nothing later sees XML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from .elements import Element
+from .errors import Diagnostics, Location, SceneError, did_you_mean
+from .expand import required
+from .literals import (
+    Text,
+    parse_blackbody,
+    parse_boolean,
+    parse_float,
+    parse_integer,
+    parse_rgb,
+    parse_spectrum,
+)
+from .nodes import KINDS, Node, Property, Reference, SpectrumFile, Value, Vector
+from .transforms import parse_transform, parse_xyz
+
+OLD_KINDS = {"camera": "sensor", "luminaire": "emitter"}  # tags of 0.4 and before
+
+
+@dataclass
+class Tree:
+    """A scene's root node, its aliases (name, target, place), and all nodes."""
+
+    root: Node
+    aliases: list[tuple[str, str, Location]] = field(default_factory=list)
+    nodes: list[Node] = field(default_factory=list)
+
+
+def nodes_from_elements(root: Element, diagnostics: Diagnostics) -> Tree:
+    """Types a whole element tree.
+
+    Raises:
+        SceneError: an unknown element, a missing attribute, or a value that does not parse.
+    """
+    tree = Tree(Node("scene", "scene", root.location, root.location))
+    tree.nodes.append(tree.root)
+    for child in root.children:
+        _add(child, tree.root, tree, diagnostics)
+    return tree
+
+
+def _add(element: Element, parent: Node, tree: Tree, diagnostics: Diagnostics) -> None:
+    """Adds what an element stands for to its parent node."""
+    tag = OLD_KINDS.get(element.tag, element.tag)
+    if tag == "alias":
+        tree.aliases.append((required(element, "as"), required(element, "id"), element.at("as")))
+        return
+    value: Value
+    if tag == "ref":
+        value = Reference(required(element, "id"))
+        place = element.at("id")
+    elif (tag in KINDS and tag != "scene") or (tag == "spectrum" and "type" in element.attributes):
+        value = _object("texture" if tag == "spectrum" else tag, element, tree, diagnostics)
+        place = element.location
+    elif tag in VALUES:
+        required(element, "name")
+        _refuse_children(element)
+        value = VALUES[tag](element)
+        place = element.at("value") if "value" in element.attributes else element.location
+    else:
+        known = [*KINDS, *VALUES, *OLD_KINDS, "ref", "alias", "default", "include", "path"]
+        raise SceneError(
+            f"unknown element <{element.tag}>{did_you_mean(element.tag, known)}", element.location
+        )
+    name = element.attributes.get("name", "")
+    if name and parent.find(name) is not None:
+        diagnostics.warn(f'"{name}" is given twice in {parent}; the last one counts', element.at("name"))
+        parent.properties = parent.without([name])
+    parent.properties.append(Property(name, value, place, element.at("name")))
+
+
+def _object(kind: str, element: Element, tree: Tree, diagnostics: Diagnostics) -> Node:
+    plugin = required(element, "type").strip()
+    node = Node(kind, plugin, element.location, element.at("type"), element.attributes.get("id", ""))
+    tree.nodes.append(node)
+    for child in element.children:
+        _add(child, node, tree, diagnostics)
+    return node
+
+
+def _refuse_children(element: Element) -> None:
+    if element.children and element.tag not in ("transform", "animation"):
+        child = element.children[0]
+        raise SceneError(f"<{child.tag}> cannot stand inside <{element.tag}>", child.location)
+
+
+def _text(element: Element, attribute: str = "value") -> Text:
+    return Text(required(element, attribute), element.at(attribute))
+
+
+def _vector(element: Element) -> Vector:
+    x, y, z = parse_xyz(element, 0.0)
+    return Vector((float(x), float(y), float(z)))
+
+
+def _spectrum(element: Element) -> Value:
+    if "filename" in element.attributes and "value" not in element.attributes:
+        return SpectrumFile(element.attributes["filename"])
+    return parse_spectrum(_text(element))
+
+
+def _blackbody(element: Element) -> Value:
+    scale = _text(element, "scale") if "scale" in element.attributes else None
+    return parse_blackbody(_text(element, "temperature"), scale)
+
+
+def _animation(element: Element) -> Value:
+    """The first transform of an animation: the shutter opens then."""
+    if not element.children:
+        raise SceneError("<animation> needs a <transform>", element.location)
+
+    def time(child: Element) -> float:
+        return parse_float(_text(child, "time")) if "time" in child.attributes else 0.0
+
+    return parse_transform(min(element.children, key=time))
+
+
+VALUES: dict[str, Callable[[Element], Value]] = {
+    "float": lambda e: parse_float(_text(e)),
+    "integer": lambda e: parse_integer(_text(e)),
+    "boolean": lambda e: parse_boolean(_text(e)),
+    "string": lambda e: required(e, "value"),
+    "point": _vector,
+    "vector": _vector,
+    "rgb": lambda e: parse_rgb(_text(e), srgb=False),
+    "srgb": lambda e: parse_rgb(_text(e), srgb=True),
+    "spectrum": _spectrum,
+    "blackbody": _blackbody,
+    "transform": parse_transform,
+    "animation": _animation,
+}

@@ -1,0 +1,80 @@
+"""Files of older versions, in the words of Mitsuba 3.
+
+Names change from camelCase to snake_case, `uscale` and its kin become a transform, and defaults that differ
+between versions are written out, so that nothing later asks for a version.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+import numpy as np
+
+from .nodes import Node, Property
+
+AIR = 1.000277
+
+OLD_PLUGINS = {
+    ("film", "exrfilm"): "hdrfilm",
+    ("film", "pngfilm"): "ldrfilm",
+    ("integrator", "errctrl"): "adaptive",
+    ("bsdf", "bump"): "bumpmap",
+}
+OLD_PROPERTIES = {
+    ("emitter", "intensity_scale"): "scale",
+    ("medium", "density_multiplier"): "scale",
+    ("sensor", "focus_depth"): "focus_distance",
+    ("film", "crop_x"): "crop_offset_x",
+    ("film", "crop_y"): "crop_offset_y",
+}
+UV_PROPERTIES = ("uscale", "vscale", "uvscale", "uoffset", "voffset")
+
+
+def upgrade(nodes: Iterable[Node]) -> None:
+    """Brings nodes from files before 2.0 up to date, in place."""
+    for node in nodes:
+        if node.version < (2, 0, 0):
+            _upgrade_names(node)
+            _upgrade_uv(node)
+            _write_defaults(node)
+
+
+def snake_case(name: str) -> str:
+    """`toWorld` -> `to_world`, `intIOR` -> `int_ior`; what has no inner capital stays."""
+    return re.sub(r"(?<=[a-z0-9])[A-Z]+", lambda capitals: "_" + capitals.group().lower(), name)
+
+
+def _upgrade_names(node: Node) -> None:
+    node.plugin = OLD_PLUGINS.get((node.kind, node.plugin), node.plugin)
+    for prop in node.properties:
+        name = snake_case(prop.name)
+        prop.name = OLD_PROPERTIES.get((node.kind, name), name)
+    if node.plugin == "diffuse" and node.find("reflectance") is None:
+        for prop in node.properties:
+            prop.name = "reflectance" if prop.name == "diffuse_reflectance" else prop.name
+
+
+def _upgrade_uv(node: Node) -> None:
+    """0.x evaluates `uv * scale + offset`."""
+    given = {
+        p.name: p for p in node.properties if p.name in UV_PROPERTIES and isinstance(p.value, int | float)
+    }
+    if not given or node.kind != "texture":
+        return
+    values = {name: float(prop.value) for name, prop in given.items()}  # type: ignore[arg-type]
+    both = values.get("uvscale", 1.0)
+    matrix = np.eye(4)
+    matrix[0, 0], matrix[1, 1] = values.get("uscale", both), values.get("vscale", both)
+    matrix[0, 3], matrix[1, 3] = values.get("uoffset", 0.0), values.get("voffset", 0.0)
+    first = next(iter(given.values()))
+    node.properties = node.without(given)
+    node.properties.append(Property("to_uv", matrix, first.location, first.name_location))
+
+
+def _write_defaults(node: Node) -> None:
+    if node.kind == "bsdf" and node.plugin in ("conductor", "roughconductor", "roughconductorGGX"):
+        node.set_default("material", "Cu")
+        node.set_default("ext_eta", AIR)  # eta and k are divided by it
+    elif node.kind == "texture" and node.plugin == "bitmap":
+        node.set_default("filter_type", "ewa")
