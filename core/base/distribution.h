@@ -22,8 +22,7 @@ public:
     Distribution() = default;
     explicit Distribution(std::span<const float> weights) : cdf_(weights.size() + 1) {
         double sum = 0;
-        for (const float w : weights)
-            sum += w;
+        for (const float w : weights) sum += w;
         sum_ = static_cast<float>(sum);
         double running = 0;
         for (std::size_t i = 0; i < weights.size(); ++i) {
@@ -31,8 +30,7 @@ public:
             cdf_[i + 1] = sum > 0 ? static_cast<float>(running / sum)
                                   : static_cast<float>(i + 1) / static_cast<float>(weights.size());
         }
-        if (!weights.empty())
-            cdf_.back() = 1;
+        if (!weights.empty()) cdf_.back() = 1;
     }
 
     std::size_t size() const { return cdf_.empty() ? 0 : cdf_.size() - 1; }

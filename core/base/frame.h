@@ -25,8 +25,7 @@ inline Frame frame_around(Vec3f n) {
 inline Frame frame_along(Vec3f n, Vec3f dp_du) {
     const Vec3f tangent = dp_du - n * dot(n, dp_du);
     const float squared = length_squared(tangent);
-    if (!(squared > 1e-12f * length_squared(dp_du)) || squared > 1e30f)
-        return frame_around(n);
+    if (!(squared > 1e-12f * length_squared(dp_du)) || squared > 1e30f) return frame_around(n);
     const Vec3f s = tangent * (1 / std::sqrt(squared));
     return {s, cross(n, s), n};
 }

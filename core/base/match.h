@@ -10,10 +10,13 @@ namespace lajolla {
 namespace detail {
 template <std::size_t I, class Variant, class F>
 [[gnu::always_inline]] inline decltype(auto) call(Variant &v, F &f) {
-    if constexpr (I < std::variant_size_v<std::remove_const_t<Variant>>)
-        return f(*std::get_if<I>(&v));
-    else
+    if constexpr (I < std::variant_size_v<std::remove_const_t<Variant>>) {
+        auto *alternative = std::get_if<I>(&v);
+        if (!alternative) __builtin_unreachable(); // the index was looked at already
+        return f(*alternative);
+    } else {
         return call<0>(v, f); // never reached: the switch below sees valid indices only
+    }
 }
 } // namespace detail
 
@@ -22,8 +25,7 @@ template <class Variant, class F>
 [[gnu::always_inline]] inline decltype(auto) match(Variant &v, F &&f) {
     static_assert(std::variant_size_v<std::remove_const_t<Variant>> <= 32, "add cases below");
 #define LAJOLLA_CASE(I)                                                                                      \
-    case I:                                                                                                  \
-        return detail::call<I>(v, f);
+    case I: return detail::call<I>(v, f);
 #define LAJOLLA_CASES(I) LAJOLLA_CASE(I) LAJOLLA_CASE(I + 1) LAJOLLA_CASE(I + 2) LAJOLLA_CASE(I + 3)
     switch (v.index()) {
         LAJOLLA_CASES(0)
@@ -34,8 +36,7 @@ template <class Variant, class F>
         LAJOLLA_CASES(20)
         LAJOLLA_CASES(24)
         LAJOLLA_CASES(28)
-    default:
-        __builtin_unreachable();
+    default: __builtin_unreachable();
     }
 #undef LAJOLLA_CASES
 #undef LAJOLLA_CASE

@@ -83,12 +83,13 @@ inline std::array<float, 8> to_unit_floats(U32x8 x) {
 struct BounceSample {
     Vec2f light_uv, bsdf_uv;
     float light, lobe;
-    float roulette, medium;
+    float roulette, flight; // flight: what happens on the way to the next vertex
 };
 
 // The numbers that start a path.
 struct CameraSample {
     Vec2f film, lens;
+    float flight;
 };
 
 enum class SequenceKind { sobol, independent };
@@ -103,7 +104,7 @@ public:
 
     CameraSample camera() const {
         const auto u = block(0);
-        return {{u[0], u[1]}, {u[2], u[3]}};
+        return {{u[0], u[1]}, {u[2], u[3]}, u[4]};
     }
     BounceSample bounce(std::uint32_t depth) const {
         const auto u = block(depth + 1);

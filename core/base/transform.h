@@ -42,8 +42,7 @@ inline std::optional<Transform> inverse(const Transform &t) {
             cofactor[i][j] = a((i + 1) % 3, (j + 1) % 3) * a((i + 2) % 3, (j + 2) % 3) -
                              a((i + 1) % 3, (j + 2) % 3) * a((i + 2) % 3, (j + 1) % 3);
     const double det = a(0, 0) * cofactor[0][0] + a(0, 1) * cofactor[0][1] + a(0, 2) * cofactor[0][2];
-    if (det == 0 || !std::isfinite(det))
-        return std::nullopt;
+    if (det == 0 || !std::isfinite(det)) return std::nullopt;
     Transform result;
     for (std::size_t i = 0; i < 3; ++i) {
         double translation = 0;
@@ -54,6 +53,17 @@ inline std::optional<Transform> inverse(const Transform &t) {
         result.m[i][3] = static_cast<float>(translation);
     }
     return result;
+}
+
+// The factor by which a similarity (rotation, mirror, translation, even scaling) scales lengths; nothing for
+// others.
+inline std::optional<float> uniform_scale(const Transform &t) {
+    const Vec3f x = t.axis(0), y = t.axis(1), z = t.axis(2);
+    const float scale = length(x), tolerance = 1e-3f * scale;
+    const bool even = std::abs(length(y) - scale) <= tolerance && std::abs(length(z) - scale) <= tolerance;
+    const float skew = std::max({std::abs(dot(x, y)), std::abs(dot(y, z)), std::abs(dot(z, x))});
+    if (!(scale > 0) || !even || skew > tolerance * scale) return std::nullopt;
+    return scale;
 }
 
 } // namespace lajolla

@@ -8,8 +8,7 @@ namespace lajolla {
 // Uniform on the unit disk; concentric squares keep strata together (Shirley and Chiu 1997).
 inline Vec2f sample_disk(Vec2f u) {
     const float a = 2 * u.x - 1, b = 2 * u.y - 1;
-    if (a == 0 && b == 0)
-        return {0, 0};
+    if (a == 0 && b == 0) return {0, 0};
     const bool wide = a * a > b * b;
     const float r = wide ? a : b;
     const float phi = wide ? (pi / 4) * (b / a) : (pi / 2) - (pi / 4) * (a / b);

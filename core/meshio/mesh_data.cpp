@@ -14,17 +14,14 @@ Vector load(std::span<const float> values, size_t index) {
 }
 
 void store(std::span<float> values, size_t index, const Vector &v) {
-    for (size_t axis = 0; axis < 3; ++axis)
-        values[3 * index + axis] = static_cast<float>(v[axis]);
+    for (size_t axis = 0; axis < 3; ++axis) values[3 * index + axis] = static_cast<float>(v[axis]);
 }
 
 /// In double precision, so that neither tiny nor huge vectors lose their direction.
 bool normalize(Vector &v) {
     double length = std::hypot(v[0], v[1], v[2]);
-    if (!(length > 0) || !std::isfinite(length))
-        return false;
-    for (double &component : v)
-        component /= length;
+    if (!(length > 0) || !std::isfinite(length)) return false;
+    for (double &component : v) component /= length;
     return true;
 }
 
@@ -42,8 +39,7 @@ std::vector<Vector> area_weighted_normals(const MeshData &mesh) {
         Vector n = scaled_normal(load(mesh.positions, corner[0]), load(mesh.positions, corner[1]),
                                  load(mesh.positions, corner[2]));
         for (int k = 0; k < 3; ++k)
-            for (size_t axis = 0; axis < 3; ++axis)
-                sums[corner[k]][axis] += n[axis];
+            for (size_t axis = 0; axis < 3; ++axis) sums[corner[k]][axis] += n[axis];
     }
     return sums;
 }
@@ -52,13 +48,10 @@ void complete_normals(MeshData &mesh) {
     std::vector<size_t> missing;
     for (size_t vertex = 0; vertex < mesh.normals.size() / 3; ++vertex) {
         Vector n = load(mesh.normals, vertex);
-        if (normalize(n))
-            store(mesh.normals, vertex, n);
-        else
-            missing.push_back(vertex);
+        if (normalize(n)) store(mesh.normals, vertex, n);
+        else missing.push_back(vertex);
     }
-    if (missing.empty())
-        return;
+    if (missing.empty()) return;
     std::vector<Vector> sums = area_weighted_normals(mesh);
     for (size_t vertex : missing) {
         if (!normalize(sums[vertex]))
@@ -69,8 +62,7 @@ void complete_normals(MeshData &mesh) {
 
 void clear_nonfinite(std::vector<float> &values) {
     for (float &value : values)
-        if (!std::isfinite(value))
-            value = 0;
+        if (!std::isfinite(value)) value = 0;
 }
 
 } // namespace
@@ -80,8 +72,7 @@ void finish(MeshData &mesh) {
         if (!std::isfinite(mesh.positions[i]))
             throw MeshError("the position of vertex " + std::to_string(i / 3) + " is not finite");
     clear_nonfinite(mesh.uvs);
-    for (MeshData::Attribute &attribute : mesh.attributes)
-        clear_nonfinite(attribute.values);
+    for (MeshData::Attribute &attribute : mesh.attributes) clear_nonfinite(attribute.values);
     complete_normals(mesh);
 }
 

@@ -22,8 +22,7 @@ struct Corner {
 class CornerTable {
 public:
     uint32_t number_of(const Corner &corner) {
-        if (2 * corners.size() >= slots.size())
-            grow();
+        if (2 * corners.size() >= slots.size()) grow();
         uint32_t &slot = find_slot(corner);
         if (slot == absent) {
             slot = static_cast<uint32_t>(corners.size());
@@ -38,15 +37,13 @@ private:
     uint32_t &find_slot(const Corner &corner) {
         size_t mask = slots.size() - 1;
         size_t i = hash(corner) & mask;
-        while (slots[i] != absent && corners[slots[i]] != corner)
-            i = (i + 1) & mask;
+        while (slots[i] != absent && corners[slots[i]] != corner) i = (i + 1) & mask;
         return slots[i];
     }
 
     void grow() {
         slots.assign(std::max<size_t>(1024, 2 * slots.size()), absent);
-        for (uint32_t i = 0; i < corners.size(); ++i)
-            find_slot(corners[i]) = i;
+        for (uint32_t i = 0; i < corners.size(); ++i) find_slot(corners[i]) = i;
     }
 
     static size_t hash(const Corner &corner) {
@@ -79,8 +76,7 @@ bool next_argument(TextCursor &text) {
         TextCursor next = text;
         ++next.at;
         skip_blanks(next); // "\r\n"
-        if (next.at != next.end && *next.at != '\n')
-            break;
+        if (next.at != next.end && *next.at != '\n') break;
         skip_line(next);
         text = next;
         skip_blanks(text);
@@ -96,8 +92,7 @@ size_t read_numbers(TextCursor &text, std::span<float> out, size_t needed, const
         std::optional<double> number = read_number(text);
         if (!number || (text.at != text.end && !is_blank(*text.at) && *text.at != '\n'))
             fail(text, std::string(what) + ": expected a number, found " + quote_word(start));
-        if (count < out.size())
-            out[count++] = static_cast<float>(*number);
+        if (count < out.size()) out[count++] = static_cast<float>(*number);
     }
     if (count < needed)
         fail(text, std::string(what) + ": expected " + std::to_string(needed) + " numbers, found " +
@@ -161,8 +156,7 @@ bool at_index(const TextCursor &text) {
 Corner read_corner(TextCursor &text, const ObjState &obj) {
     Corner corner{read_index(text, obj.positions.size() / 3, "vertex"), absent, absent};
     if (accept_slash(text)) {
-        if (at_index(text))
-            corner.uv = read_index(text, obj.uvs.size() / 2, "texture coordinate");
+        if (at_index(text)) corner.uv = read_index(text, obj.uvs.size() / 2, "texture coordinate");
         if (accept_slash(text) && at_index(text))
             corner.normal = read_index(text, obj.normals.size() / 3, "normal");
     }
@@ -176,8 +170,7 @@ void read_face(TextCursor &text, ObjState &obj) {
     uint32_t first = 0, previous = 0;
     for (size_t count = 0; next_argument(text); ++count) {
         uint32_t corner = obj.table.number_of(read_corner(text, obj));
-        if (count == 0)
-            first = corner;
+        if (count == 0) first = corner;
         if (count >= 2) {
             obj.indices.insert(obj.indices.end(), {first, previous, corner});
             obj.triangle_material.push_back(obj.material);
@@ -191,8 +184,7 @@ void read_face(TextCursor &text, ObjState &obj) {
 void read_material(TextCursor &text, ObjState &obj) {
     std::string name = to_utf8(read_rest_of_line(text));
     auto [entry, is_new] = obj.material_numbers.try_emplace(name, obj.materials.size());
-    if (is_new)
-        obj.materials.push_back(name);
+    if (is_new) obj.materials.push_back(name);
     obj.material = entry->second;
 }
 
@@ -211,18 +203,12 @@ void read_libraries(TextCursor &text, ObjState &obj) {
 void read_statement(TextCursor &text, ObjState &obj) {
     skip_blanks(text);
     std::string_view keyword = read_word(text);
-    if (keyword == "v")
-        read_position(text, obj);
-    else if (keyword == "vt")
-        read_uv(text, obj);
-    else if (keyword == "vn")
-        read_normal(text, obj);
-    else if (keyword == "f")
-        read_face(text, obj);
-    else if (keyword == "usemtl")
-        read_material(text, obj);
-    else if (keyword == "mtllib")
-        read_libraries(text, obj);
+    if (keyword == "v") read_position(text, obj);
+    else if (keyword == "vt") read_uv(text, obj);
+    else if (keyword == "vn") read_normal(text, obj);
+    else if (keyword == "f") read_face(text, obj);
+    else if (keyword == "usemtl") read_material(text, obj);
+    else if (keyword == "mtllib") read_libraries(text, obj);
 }
 
 /// The values that `numbers` picks from `values`; zero where absent. Empty if all are absent.
@@ -233,11 +219,9 @@ std::vector<float> gather(const std::vector<Corner> &corners, const std::vector<
     std::vector<float> result(corners.size() * channels);
     for (size_t i = 0; i < corners.size(); ++i) {
         uint32_t source = number(corners[i]);
-        if (source == absent)
-            continue;
+        if (source == absent) continue;
         any = true;
-        for (size_t c = 0; c < channels; ++c)
-            result[i * channels + c] = values[source * channels + c];
+        for (size_t c = 0; c < channels; ++c) result[i * channels + c] = values[source * channels + c];
     }
     return any ? result : std::vector<float>();
 }
@@ -246,18 +230,15 @@ std::vector<float> gather(const std::vector<Corner> &corners, const std::vector<
 /// groups.
 void group_triangles(const ObjState &obj, MeshData &mesh) {
     std::vector<uint32_t> next(obj.materials.size() + 1);
-    for (uint32_t material : obj.triangle_material)
-        ++next[material + 1];
+    for (uint32_t material : obj.triangle_material) ++next[material + 1];
     for (size_t m = 0; m < obj.materials.size(); ++m) {
-        if (next[m + 1] > 0)
-            mesh.groups.push_back({obj.materials[m], next[m], next[m + 1]});
+        if (next[m + 1] > 0) mesh.groups.push_back({obj.materials[m], next[m], next[m + 1]});
         next[m + 1] += next[m];
     }
     mesh.indices.resize(obj.indices.size());
     for (size_t i = 0; i < obj.triangle_material.size(); ++i) {
         size_t target = next[obj.triangle_material[i]]++;
-        for (size_t k = 0; k < 3; ++k)
-            mesh.indices[3 * target + k] = obj.indices[3 * i + k];
+        for (size_t k = 0; k < 3; ++k) mesh.indices[3 * target + k] = obj.indices[3 * i + k];
     }
 }
 
@@ -265,10 +246,8 @@ void group_triangles(const ObjState &obj, MeshData &mesh) {
 
 MeshData read_obj(std::span<const std::byte> file) {
     ObjState obj;
-    for (TextCursor text = text_cursor(file); text.at != text.end; skip_line(text))
-        read_statement(text, obj);
-    if (obj.positions.empty())
-        throw MeshError("this is no OBJ file: it has no vertices");
+    for (TextCursor text = text_cursor(file); text.at != text.end; skip_line(text)) read_statement(text, obj);
+    if (obj.positions.empty()) throw MeshError("this is no OBJ file: it has no vertices");
 
     MeshData mesh;
     const std::vector<Corner> &corners = obj.table.corners;
@@ -278,10 +257,8 @@ MeshData read_obj(std::span<const std::byte> file) {
     mesh.normals = gather(corners, obj.normals, 3, [](const Corner &c) { return c.normal; });
     if (!obj.colors.empty())
         mesh.attributes.push_back({"vertex_color", 3, false, gather(corners, obj.colors, 3, position)});
-    if (obj.materials.size() > 1)
-        group_triangles(obj, mesh);
-    else
-        mesh.indices = std::move(obj.indices);
+    if (obj.materials.size() > 1) group_triangles(obj, mesh);
+    else mesh.indices = std::move(obj.indices);
     mesh.material_libraries = std::move(obj.libraries);
     finish(mesh);
     return mesh;

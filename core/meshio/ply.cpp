@@ -24,11 +24,9 @@ struct AsciiSource {
 
     double read(PlyType) {
         skip_space(text);
-        if (text.at == text.end)
-            fail("the file ends too early");
+        if (text.at == text.end) fail("the file ends too early");
         std::optional<double> value = read_number(text);
-        if (!value)
-            fail("expected a number, found " + quote_word(text));
+        if (!value) fail("expected a number, found " + quote_word(text));
         return *value;
     }
 };
@@ -58,39 +56,26 @@ struct BinarySource {
     template <class T>
     T take() {
         std::array<std::byte, sizeof(T)> bytes;
-        if (data.size() < sizeof(T))
-            fail("the file ends too early");
+        if (data.size() < sizeof(T)) fail("the file ends too early");
         std::memcpy(bytes.data(), data.data(), sizeof(T));
-        if (swap_bytes)
-            std::reverse(bytes.begin(), bytes.end());
+        if (swap_bytes) std::reverse(bytes.begin(), bytes.end());
         data = data.subspan(sizeof(T));
         return std::bit_cast<T>(bytes);
     }
 
     double read(PlyType type) {
         switch (type) {
-        case PlyType::int8:
-            return take<int8_t>();
-        case PlyType::uint8:
-            return take<uint8_t>();
-        case PlyType::int16:
-            return take<int16_t>();
-        case PlyType::uint16:
-            return take<uint16_t>();
-        case PlyType::int32:
-            return take<int32_t>();
-        case PlyType::uint32:
-            return take<uint32_t>();
-        case PlyType::int64:
-            return static_cast<double>(take<int64_t>());
-        case PlyType::uint64:
-            return static_cast<double>(take<uint64_t>());
-        case PlyType::float16:
-            return half_value(take<uint16_t>());
-        case PlyType::float32:
-            return take<float>();
-        case PlyType::float64:
-            return take<double>();
+        case PlyType::int8: return take<int8_t>();
+        case PlyType::uint8: return take<uint8_t>();
+        case PlyType::int16: return take<int16_t>();
+        case PlyType::uint16: return take<uint16_t>();
+        case PlyType::int32: return take<int32_t>();
+        case PlyType::uint32: return take<uint32_t>();
+        case PlyType::int64: return static_cast<double>(take<int64_t>());
+        case PlyType::uint64: return static_cast<double>(take<uint64_t>());
+        case PlyType::float16: return half_value(take<uint16_t>());
+        case PlyType::float32: return take<float>();
+        case PlyType::float64: return take<double>();
         }
         return 0;
     }
@@ -104,8 +89,7 @@ struct Field {
     std::vector<float> values;
 
     void append(std::span<const double> row) {
-        for (size_t p : properties)
-            values.push_back(static_cast<float>(row[p]) * scale);
+        for (size_t p : properties) values.push_back(static_cast<float>(row[p]) * scale);
     }
 };
 
@@ -113,8 +97,7 @@ using Names = std::span<const std::string_view>;
 
 std::optional<size_t> find_property(const PlyElement &element, std::string_view name) {
     for (size_t i = 0; i < element.properties.size(); ++i)
-        if (element.properties[i].name == name && !element.properties[i].is_list)
-            return i;
+        if (element.properties[i].name == name && !element.properties[i].is_list) return i;
     return std::nullopt;
 }
 
@@ -124,8 +107,7 @@ bool add_field(std::vector<Field> &fields, const PlyElement &element, std::strin
     field.name = std::move(name);
     for (std::string_view property : properties) {
         std::optional<size_t> index = find_property(element, property);
-        if (!index)
-            return false;
+        if (!index) return false;
         field.properties.push_back(*index);
     }
     fields.push_back(std::move(field));
@@ -157,18 +139,14 @@ Field find_run(const PlyElement &element, size_t first, const std::string &kind)
     const std::string &name = element.properties[first].name;
     std::string prefix = name.substr(0, name.rfind('_') + 1);
     Field run;
-    if (prefix.size() < 2)
-        return run;
+    if (prefix.size() < 2) return run;
     for (std::string_view suffixes : {"xyzw", "rgba", "0123", "1234"}) {
         size_t length = run_length(element, first, prefix, suffixes);
-        if (length == 0)
-            continue;
+        if (length == 0) continue;
         bool is_color = suffixes == "rgba";
         run.name = kind + name.substr(0, prefix.size() - 1) + (is_color ? "_color" : "");
-        for (size_t i = 0; i < length; ++i)
-            run.properties.push_back(first + i);
-        if (is_color)
-            normalize_color(run, element);
+        for (size_t i = 0; i < length; ++i) run.properties.push_back(first + i);
+        if (is_color) normalize_color(run, element);
     }
     return run;
 }
@@ -184,8 +162,7 @@ void add_attributes(std::vector<Field> &fields, const PlyElement &element, const
         size_t length = run.properties.size();
         bool is_taken =
             std::any_of(fields.begin(), fields.end(), [&](const Field &f) { return f.name == run.name; });
-        if ((length == 1 || length == 3) && !is_taken)
-            fields.push_back(std::move(run));
+        if ((length == 1 || length == 3) && !is_taken) fields.push_back(std::move(run));
         i += std::max<size_t>(length, 1);
     }
 }
@@ -204,12 +181,10 @@ void read_row(Source &source, const PlyElement &element, std::span<double> row, 
         if (!(length >= 0) || length != std::floor(length) ||
             length > static_cast<double>(source.remaining() / source.least_size(property.type)))
             source.fail("the list '" + property.name + "' has an impossible length");
-        if (i == list)
-            list_values.clear();
+        if (i == list) list_values.clear();
         for (double k = 0; k < length; ++k) {
             double value = source.read(property.type);
-            if (i == list)
-                list_values.push_back(value);
+            if (i == list) list_values.push_back(value);
         }
     }
 }
@@ -229,8 +204,7 @@ template <class Source>
 void skip_element(Source &source, const PlyElement &element) {
     std::vector<double> row(element.properties.size()), unused;
     if (!row.empty())
-        for (uint64_t i = 0; i < element.count; ++i)
-            read_row(source, element, row, row.size(), unused);
+        for (uint64_t i = 0; i < element.count; ++i) read_row(source, element, row, row.size(), unused);
 }
 
 MeshData::Attribute to_attribute(Field &field, bool per_face) {
@@ -243,31 +217,23 @@ void read_vertices(Source &source, const PlyElement &element, MeshData &mesh) {
     static constexpr std::array<std::array<std::string_view, 2>, 3> uvs{
         {{"texture_u", "texture_v"}, {"s", "t"}, {"u", "v"}}};
     std::vector<Field> fields;
-    if (!add_field(fields, element, "position", xyz))
-        source.fail("the vertices have no x, y and z");
+    if (!add_field(fields, element, "position", xyz)) source.fail("the vertices have no x, y and z");
     add_field(fields, element, "normal", normal);
     for (Names names : uvs)
-        if (add_field(fields, element, "uv", names))
-            break;
+        if (add_field(fields, element, "uv", names)) break;
     add_attributes(fields, element, "vertex_");
 
-    for (Field &field : fields)
-        field.values.reserve(element.count * field.properties.size());
+    for (Field &field : fields) field.values.reserve(element.count * field.properties.size());
     std::vector<double> row(element.properties.size()), unused;
     for (uint64_t i = 0; i < element.count; ++i) {
         read_row(source, element, row, row.size(), unused);
-        for (Field &field : fields)
-            field.append(row);
+        for (Field &field : fields) field.append(row);
     }
     for (Field &field : fields) {
-        if (field.name == "position")
-            mesh.positions = std::move(field.values);
-        else if (field.name == "normal")
-            mesh.normals = std::move(field.values);
-        else if (field.name == "uv")
-            mesh.uvs = std::move(field.values);
-        else
-            mesh.attributes.push_back(to_attribute(field, false));
+        if (field.name == "position") mesh.positions = std::move(field.values);
+        else if (field.name == "normal") mesh.normals = std::move(field.values);
+        else if (field.name == "uv") mesh.uvs = std::move(field.values);
+        else mesh.attributes.push_back(to_attribute(field, false));
     }
 }
 
@@ -304,10 +270,8 @@ void append_triangles(const Source &source, std::span<const double> list, bool i
             corners.push_back(to_index(source, value, vertex_count));
         }
     }
-    if (is_strip)
-        append_strip(corners, indices);
-    else
-        append_fan(corners, indices);
+    if (is_strip) append_strip(corners, indices);
+    else append_fan(corners, indices);
 }
 
 size_t find_index_list(const PlyElement &element) {
@@ -333,13 +297,11 @@ void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count
         size_t before = mesh.indices.size();
         append_triangles(source, list_values, element.name == "tristrips", vertex_count, mesh.indices);
         for (size_t k = before; k < mesh.indices.size(); k += 3)
-            for (Field &field : fields)
-                field.append(row);
+            for (Field &field : fields) field.append(row);
         if (mesh.indices.size() / 3 >= std::numeric_limits<uint32_t>::max())
             source.fail("the mesh has more than 2^32 triangles");
     }
-    for (Field &field : fields)
-        mesh.attributes.push_back(to_attribute(field, true));
+    for (Field &field : fields) mesh.attributes.push_back(to_attribute(field, true));
 }
 
 template <class Source>
@@ -348,8 +310,7 @@ MeshData read_elements(Source source, const PlyHeader &header) {
     for (const PlyElement &element : header.elements) {
         const PlyElement *&known = element.name == "vertex" ? vertices : faces;
         if (element.name == "vertex" || element.name == "face" || element.name == "tristrips") {
-            if (known)
-                source.fail("PLY header: there is a second element '" + element.name + "'");
+            if (known) source.fail("PLY header: there is a second element '" + element.name + "'");
             known = &element;
         }
     }
@@ -359,12 +320,9 @@ MeshData read_elements(Source source, const PlyHeader &header) {
     MeshData mesh;
     for (const PlyElement &element : header.elements) {
         check_count(source, element);
-        if (&element == vertices)
-            read_vertices(source, element, mesh);
-        else if (&element == faces)
-            read_faces(source, element, vertices->count, mesh);
-        else
-            skip_element(source, element);
+        if (&element == vertices) read_vertices(source, element, mesh);
+        else if (&element == faces) read_faces(source, element, vertices->count, mesh);
+        else skip_element(source, element);
     }
     finish(mesh);
     return mesh;
@@ -375,8 +333,7 @@ MeshData read_elements(Source source, const PlyHeader &header) {
 MeshData read_ply(std::span<const std::byte> file) {
     TextCursor text = text_cursor(file);
     PlyHeader header = read_ply_header(text);
-    if (header.format == PlyFormat::ascii)
-        return read_elements(AsciiSource{text}, header);
+    if (header.format == PlyFormat::ascii) return read_elements(AsciiSource{text}, header);
     bool native_is_little = std::endian::native == std::endian::little;
     bool swap_bytes = (header.format == PlyFormat::little_endian) != native_is_little;
     auto data = file.last(static_cast<size_t>(text.end - text.at));

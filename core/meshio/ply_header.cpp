@@ -41,8 +41,7 @@ std::string_view next_word(TextCursor &text) {
 
 std::string_view need_word(TextCursor &text, const char *what) {
     std::string_view word = next_word(text);
-    if (word.empty())
-        fail(text, std::string("PLY header: expected ") + what + " before the end of the line");
+    if (word.empty()) fail(text, std::string("PLY header: expected ") + what + " before the end of the line");
     return word;
 }
 
@@ -57,14 +56,10 @@ PlyType read_type(TextCursor &text) {
 PlyFormat read_format(TextCursor &text) {
     std::string_view name = need_word(text, "a format");
     std::string_view version = need_word(text, "a version");
-    if (version != "1.0")
-        fail(text, "PLY header: unknown version " + quote_word({version.data(), text.end}));
-    if (name == "ascii")
-        return PlyFormat::ascii;
-    if (name == "binary_little_endian")
-        return PlyFormat::little_endian;
-    if (name == "binary_big_endian")
-        return PlyFormat::big_endian;
+    if (version != "1.0") fail(text, "PLY header: unknown version " + quote_word({version.data(), text.end}));
+    if (name == "ascii") return PlyFormat::ascii;
+    if (name == "binary_little_endian") return PlyFormat::little_endian;
+    if (name == "binary_big_endian") return PlyFormat::big_endian;
     fail(text, "PLY header: unknown format " + quote_word({name.data(), text.end}));
 }
 
@@ -105,15 +100,13 @@ bool is_floating(PlyType type) { return type >= PlyType::float16; }
 double largest_value(PlyType type) { return entry(type).largest; }
 
 PlyHeader read_ply_header(TextCursor &text) {
-    if (next_word(text) != "ply")
-        fail(text, "this is no PLY file: it does not start with 'ply'");
+    if (next_word(text) != "ply") fail(text, "this is no PLY file: it does not start with 'ply'");
     std::optional<PlyFormat> format;
     std::vector<PlyElement> elements;
     for (skip_line(text); text.at != text.end; skip_line(text)) {
         std::string_view keyword = next_word(text);
         if (keyword == "end_header") {
-            if (!format)
-                fail(text, "PLY header: there is no 'format' line");
+            if (!format) fail(text, "PLY header: there is no 'format' line");
             skip_line(text);
             return {*format, std::move(elements)};
         } else if (keyword == "format") {
@@ -121,8 +114,7 @@ PlyHeader read_ply_header(TextCursor &text) {
         } else if (keyword == "element") {
             elements.push_back(read_element(text));
         } else if (keyword == "property") {
-            if (elements.empty())
-                fail(text, "PLY header: a property stands before the first element");
+            if (elements.empty()) fail(text, "PLY header: a property stands before the first element");
             elements.back().properties.push_back(read_property(text));
             if (elements.back().properties.size() > most_properties)
                 fail(text, "PLY header: an element has more than " + std::to_string(most_properties) +

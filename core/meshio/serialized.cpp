@@ -31,8 +31,7 @@ template <class T>
 T from_little_endian(const std::byte *data) {
     std::array<std::byte, sizeof(T)> bytes;
     std::memcpy(bytes.data(), data, sizeof(T));
-    if constexpr (std::endian::native == std::endian::big)
-        std::reverse(bytes.begin(), bytes.end());
+    if constexpr (std::endian::native == std::endian::big) std::reverse(bytes.begin(), bytes.end());
     return std::bit_cast<T>(bytes);
 }
 
@@ -46,8 +45,7 @@ T read_at(std::span<const std::byte> file, size_t offset) {
 /// Checks the uncompressed header of a mesh and returns the version.
 uint16_t read_version(std::span<const std::byte> file, size_t offset) {
     std::string where = "byte " + std::to_string(offset) + ": ";
-    if (read_at<uint16_t>(file, offset) != magic)
-        throw MeshError(where + "no serialized mesh starts here");
+    if (read_at<uint16_t>(file, offset) != magic) throw MeshError(where + "no serialized mesh starts here");
     auto version = read_at<uint16_t>(file, offset + 2);
     if (version != 3 && version != 4)
         throw MeshError(where + "version " + std::to_string(version) +
@@ -59,8 +57,7 @@ uint16_t read_version(std::span<const std::byte> file, size_t offset) {
 /// 64 bits in version 4) and their number.
 size_t find_shape(std::span<const std::byte> file, int shape_index) {
     uint16_t version = read_version(file, 0);
-    if (shape_index == 0)
-        return 0;
+    if (shape_index == 0) return 0;
     size_t entry_size = version == 3 ? 4 : 8;
     if (file.size() < header_size + 4)
         throw MeshError("byte " + std::to_string(file.size()) + ": the file ends too early");
@@ -85,8 +82,7 @@ class Inflater {
 public:
     Inflater(std::span<const std::byte> file, size_t offset)
         : start(offset), input(file.subspan(offset)), stream(new z_stream{}) {
-        if (inflateInit(stream.get()) != Z_OK)
-            throw MeshError("zlib cannot be initialized");
+        if (inflateInit(stream.get()) != Z_OK) throw MeshError("zlib cannot be initialized");
     }
 
     void read(std::span<std::byte> out) {
@@ -147,8 +143,7 @@ private:
         if (status ==
             Z_BUF_ERROR) // no progress: there is room for output, so it is the input that is missing
             fail("the file ends too early");
-        if (status != Z_OK && status != Z_STREAM_END)
-            fail("the compressed data is damaged");
+        if (status != Z_OK && status != Z_STREAM_END) fail("the compressed data is damaged");
         return status;
     }
 
@@ -166,16 +161,14 @@ private:
 
 std::string read_name(Inflater &data) {
     std::string name;
-    for (char c = data.read<char>(); c != 0; c = data.read<char>())
-        name.push_back(c);
+    for (char c = data.read<char>(); c != 0; c = data.read<char>()) name.push_back(c);
     return name;
 }
 
 MeshData read_mesh(Inflater &data, uint16_t version) {
     MeshData mesh;
     auto flags = data.read<uint32_t>();
-    if (version == 4)
-        mesh.name = to_utf8(read_name(data));
+    if (version == 4) mesh.name = to_utf8(read_name(data));
     auto vertex_count = data.read<uint64_t>();
     auto triangle_count = data.read<uint64_t>();
     if (std::max(vertex_count, triangle_count) >= std::numeric_limits<uint32_t>::max())
@@ -187,14 +180,10 @@ MeshData read_mesh(Inflater &data, uint16_t version) {
                                         : data.read_array<float, float>(count);
     };
     mesh.positions = read_floats(3);
-    if (flags & has_normals)
-        mesh.normals = read_floats(3);
-    if (flags & face_normals)
-        mesh.normals.clear();
-    if (flags & has_texcoords)
-        mesh.uvs = read_floats(2);
-    if (flags & has_colors)
-        mesh.attributes.push_back({"vertex_color", 3, false, read_floats(3)});
+    if (flags & has_normals) mesh.normals = read_floats(3);
+    if (flags & face_normals) mesh.normals.clear();
+    if (flags & has_texcoords) mesh.uvs = read_floats(2);
+    if (flags & has_colors) mesh.attributes.push_back({"vertex_color", 3, false, read_floats(3)});
     mesh.indices = data.read_array<uint32_t, uint32_t>(3 * triangle_count);
     for (uint32_t index : mesh.indices)
         if (index >= vertex_count)

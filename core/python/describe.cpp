@@ -23,8 +23,7 @@ bool read_numbers(nb::handle source, float *values, Py_ssize_t n) {
     }
     for (Py_ssize_t i = 0; i < n; ++i) {
         const nb::object item = nb::steal(PySequence_GetItem(source.ptr(), i));
-        if (conversion_failed() || !Described<float>::read(item, values[i]))
-            return false;
+        if (conversion_failed() || !Described<float>::read(item, values[i])) return false;
     }
     return true;
 }
@@ -61,28 +60,23 @@ std::string number_text(double value) {
 void throw_unexpected(const std::string &where, const std::string &expected, nb::handle got) {
     constexpr std::size_t longest = 60;
     std::string text = nb::repr(got).c_str();
-    if (text.size() > longest)
-        text = text.substr(0, longest) + "...";
+    if (text.size() > longest) text = text.substr(0, longest) + "...";
     throw DescriptionError(where + ": expected " + expected + ", got " + text);
 }
 
 bool Described<float>::read(nb::handle source, float &value) {
-    if (PyBool_Check(source.ptr()))
-        return false;
+    if (PyBool_Check(source.ptr())) return false;
     value = static_cast<float>(PyFloat_AsDouble(source.ptr()));
     return !conversion_failed() && std::isfinite(value);
 }
 nb::object Described<float>::write(float value) { return nb::float_(shortest(value)); }
 
 std::optional<std::int64_t> read_integer(nb::handle source, std::int64_t lowest, std::int64_t highest) {
-    if (PyBool_Check(source.ptr()) || PyIndex_Check(source.ptr()) == 0)
-        return std::nullopt;
+    if (PyBool_Check(source.ptr()) || PyIndex_Check(source.ptr()) == 0) return std::nullopt;
     const nb::object index = nb::steal(PyNumber_Index(source.ptr()));
-    if (conversion_failed())
-        return std::nullopt;
+    if (conversion_failed()) return std::nullopt;
     const std::int64_t value = PyLong_AsLongLong(index.ptr());
-    if (conversion_failed() || value < lowest || value > highest)
-        return std::nullopt;
+    if (conversion_failed() || value < lowest || value > highest) return std::nullopt;
     return value;
 }
 
@@ -95,8 +89,7 @@ bool Described<std::string>::read(nb::handle source, std::string &value) {
     Py_ssize_t size = 0;
     const char *text =
         nb::isinstance<nb::str>(source) ? PyUnicode_AsUTF8AndSize(source.ptr(), &size) : nullptr;
-    if (conversion_failed() || text == nullptr)
-        return false;
+    if (conversion_failed() || text == nullptr) return false;
     value.assign(text, static_cast<std::size_t>(size));
     return true;
 }
@@ -120,8 +113,7 @@ bool Described<Transform>::read(nb::handle source, Transform &value) {
     }
     for (std::size_t row = 0; row < 4; ++row) {
         const nb::object numbers = nb::steal(PySequence_GetItem(source.ptr(), static_cast<Py_ssize_t>(row)));
-        if (conversion_failed() || !read_numbers(numbers, value.m[row].data(), 4))
-            return false;
+        if (conversion_failed() || !read_numbers(numbers, value.m[row].data(), 4)) return false;
     }
     return true;
 }
@@ -129,8 +121,7 @@ nb::object Described<Transform>::write(const Transform &value) {
     nb::list rows;
     for (const auto &row : value.m) {
         nb::list numbers;
-        for (const float number : row)
-            numbers.append(shortest(number));
+        for (const float number : row) numbers.append(shortest(number));
         rows.append(numbers);
     }
     return rows;
@@ -147,8 +138,7 @@ std::optional<std::int32_t> read_texture_index(nb::handle source) {
 
 std::optional<std::size_t> read_choice(nb::handle source, const char *const *names, std::size_t count) {
     std::string given;
-    if (!Described<std::string>::read(source, given))
-        return std::nullopt;
+    if (!Described<std::string>::read(source, given)) return std::nullopt;
     const auto *const end = names + count;
     const auto *const found = std::find(names, end, given);
     return found == end ? std::nullopt : std::optional(static_cast<std::size_t>(found - names));
@@ -158,17 +148,14 @@ namespace detail {
 
 std::string range_text(double minimum, double maximum) {
     const bool low = std::isfinite(minimum), high = std::isfinite(maximum);
-    if (low && high)
-        return " in [" + number_text(minimum) + ", " + number_text(maximum) + "]";
-    if (low)
-        return " >= " + number_text(minimum);
+    if (low && high) return " in [" + number_text(minimum) + ", " + number_text(maximum) + "]";
+    if (low) return " >= " + number_text(minimum);
     return high ? " <= " + number_text(maximum) : "";
 }
 
 std::string quoted_list(const char *const *names, std::size_t count) {
     std::string text;
-    for (std::size_t i = 0; i < count; ++i)
-        text += (i > 0 ? ", '" : "'") + std::string(names[i]) + "'";
+    for (std::size_t i = 0; i < count; ++i) text += (i > 0 ? ", '" : "'") + std::string(names[i]) + "'";
     return text;
 }
 

@@ -111,7 +111,7 @@ struct Described<Texture<T>> {
     static constexpr bool scalar = std::same_as<T, float>;
     static constexpr const char *type = scalar ? "texture_float" : "texture_spectrum";
     static constexpr const char *expected =
-        scalar ? "a number or {'texture': index}" : "a number, three numbers or {'texture': index}";
+        scalar ? "{'texture': index} or a number" : "{'texture': index}, a number or three numbers";
     static bool read(nb::handle source, Texture<T> &value) {
         if (const auto index = read_texture_index(source)) {
             value.id = *index;
@@ -143,21 +143,22 @@ struct Described<T> {
 namespace detail {
 
 // Whether every number of a value is within [low, high]; values without numbers always are.
-constexpr bool within(float value, double low, double high) {
-    return value >= static_cast<float>(low) && value <= static_cast<float>(high);
-}
-constexpr bool within(std::integral auto value, double low, double high) {
-    return static_cast<double>(value) >= low && static_cast<double>(value) <= high;
+template <class T>
+constexpr bool within(const T &value, double low, double high) {
+    if constexpr (std::floating_point<T>) // bounds are rounded as values are: 0.1 is within [0.1, 1]
+        return value >= static_cast<T>(low) && value <= static_cast<T>(high);
+    else if constexpr (std::integral<T>)
+        return static_cast<double>(value) >= low && static_cast<double>(value) <= high;
+    else return true;
 }
 template <class Tag>
-constexpr bool within(Triple<Tag> v, double low, double high) {
+constexpr bool within(const Triple<Tag> &v, double low, double high) {
     return within(v.x, low, high) && within(v.y, low, high) && within(v.z, low, high);
 }
 template <class T>
 constexpr bool within(const Texture<T> &texture, double low, double high) {
     return !texture.is_constant() || within(texture.constant, low, high);
 }
-constexpr bool within(const auto &, double, double) { return true; }
 
 // "a number >= 0", "one of 'mis', 'light'": what a field takes, in words.
 std::string range_text(double minimum, double maximum);
@@ -167,8 +168,7 @@ template <class Model, class T>
 std::string expected_text(const Field<Model, T> &field) {
     if constexpr (Choice<T>)
         return "one of " + quoted_list(Described<T>::names.data(), Described<T>::names.size());
-    else
-        return Described<T>::expected + range_text(field.minimum, field.maximum);
+    else return Described<T>::expected + range_text(field.minimum, field.maximum);
 }
 
 nb::object bound(double value); // None where infinite
@@ -185,8 +185,7 @@ nb::dict schema_of_field(const Field<Model, T> &field) {
     entry["choices"] = nb::none();
     if constexpr (Choice<T>) {
         nb::list names;
-        for (const char *name : Described<T>::names)
-            names.append(name);
+        for (const char *name : Described<T>::names) names.append(name);
         entry["choices"] = names;
     }
     entry["doc"] = field.doc;
@@ -228,8 +227,7 @@ nb::dict schema_of_list() {
 // Reads one value; a DescriptionError names the place where it does not fit.
 template <class T>
 void read_value(nb::handle source, T &value, const std::string &where) {
-    if (!Described<T>::read(source, value))
-        throw_unexpected(where, Described<T>::expected, source);
+    if (!Described<T>::read(source, value)) throw_unexpected(where, Described<T>::expected, source);
 }
 
 // Sets the fields that the description holds. Keys other than fields, "type" and `extra` are errors, and so
@@ -241,8 +239,7 @@ void read_model(Model &model, const nb::dict &description, const std::string &wh
         const std::string name = detail::text_of_key(key);
         bool known = name == "type" || std::find(extra.begin(), extra.end(), name) != extra.end();
         for_each_field<Model>([&, given = value](const auto &field) {
-            if (name != field.name)
-                return;
+            if (name != field.name) return;
             known = true;
             auto &member = model.*field.member;
             if (!Described<std::decay_t<decltype(member)>>::read(given, member) ||
@@ -284,8 +281,7 @@ Variant variant_from(const nb::dict &description, const std::string &where,
         if (type == Model::name)
             result.emplace(model_from<Model>(description, where + " (" + type + ")", extra));
     });
-    if (!result)
-        throw DescriptionError(where + ": unknown type '" + type + "' (known: " + known + ")");
+    if (!result) throw DescriptionError(where + ": unknown type '" + type + "' (known: " + known + ")");
     return *std::move(result);
 }
 

@@ -50,10 +50,8 @@ public:
     nb::object to_numpy() && {
         T *const data = values_.release();
         const nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<T *>(p); });
-        if constexpr (N == 1)
-            return nb::cast(nb::ndarray<nb::numpy, T>(data, {rows_}, owner));
-        else
-            return nb::cast(nb::ndarray<nb::numpy, T>(data, {rows_, N}, owner));
+        if constexpr (N == 1) return nb::cast(nb::ndarray<nb::numpy, T>(data, {rows_}, owner));
+        else return nb::cast(nb::ndarray<nb::numpy, T>(data, {rows_, N}, owner));
     }
 
 private:
@@ -65,8 +63,7 @@ private:
 template <std::size_t N>
 nb::object tabulate(std::size_t rows, auto &&f) {
     Table<float, N> table(rows);
-    for (std::size_t i = 0; i < rows; ++i)
-        table.set(i, f(i));
+    for (std::size_t i = 0; i < rows; ++i) table.set(i, f(i));
     return std::move(table).to_numpy();
 }
 
@@ -114,8 +111,7 @@ nb::dict bsdf_sample_many(const nb::dict &description, const Rows<3> &wo, const 
     for (std::size_t i = 0; i < n; ++i) {
         const auto s = sample(bsdf.lobe, triple(wo, i), u(i, 0), {u(i, 1), u(i, 2)});
         valid.set(i, s.has_value());
-        if (!s)
-            continue;
+        if (!s) continue;
         wi.set(i, s->wi);
         weight.set(i, s->weight);
         pdf.set(i, s->pdf);
@@ -147,19 +143,17 @@ nb::tuple bsdf_eval_many(const nb::dict &description, const Rows<3> &wo, const R
 }
 
 SequenceKind sequence_kind(const std::string &name) {
-    if (name == "sobol")
-        return SequenceKind::sobol;
-    if (name == "independent")
-        return SequenceKind::independent;
+    if (name == "sobol") return SequenceKind::sobol;
+    if (name == "independent") return SequenceKind::independent;
     throw std::invalid_argument("kind: 'sobol' or 'independent' expected");
 }
 
 nb::object sampler_camera(const std::string &kind, std::uint32_t seed, std::uint32_t x, std::uint32_t y,
                           std::uint32_t first, std::uint32_t count) {
-    Table<float, 4> table(count);
+    Table<float, 5> table(count);
     for (std::uint32_t i = 0; i < count; ++i) {
         const CameraSample s = Sampler(sequence_kind(kind), seed, x, y, first + i).camera();
-        table.set(i, s.film.x, s.film.y, s.lens.x, s.lens.y);
+        table.set(i, s.film.x, s.film.y, s.lens.x, s.lens.y, s.flight);
     }
     return std::move(table).to_numpy();
 }
@@ -170,7 +164,7 @@ nb::object sampler_blocks(const std::string &kind, std::uint32_t seed, std::uint
     for (std::uint32_t i = 0; i < count; ++i) {
         const BounceSample s = Sampler(sequence_kind(kind), seed, x, y, first + i).bounce(bounce);
         table.set(i, s.light_uv.x, s.light_uv.y, s.bsdf_uv.x, s.bsdf_uv.y, s.light, s.lobe, s.roulette,
-                  s.medium);
+                  s.flight);
     }
     return std::move(table).to_numpy();
 }
@@ -272,7 +266,8 @@ void bind_statistics(nb::module_ &m) {
     m.def("bsdf_eval_many", &bsdf_eval_many, nb::arg("description"), nb::arg("wo"), nb::arg("wi"),
           "Evaluates a BSDF, wo (1 or N, 3), wi (N, 3): f_cos (N, 3) and pdf (N,) per solid angle.");
     m.def("sampler_camera", &sampler_camera, nb::arg("kind"), nb::arg("seed"), nb::arg("x"), nb::arg("y"),
-          nb::arg("first"), nb::arg("count"), "A pixel's camera numbers (count, 4): film x, y, lens x, y.");
+          nb::arg("first"), nb::arg("count"),
+          "A pixel's camera numbers (count, 5): film x, y, lens x, y, flight.");
     m.def("sampler_blocks", &sampler_blocks, nb::arg("kind"), nb::arg("seed"), nb::arg("x"), nb::arg("y"),
           nb::arg("first"), nb::arg("count"), nb::arg("bounce"),
           "A pixel's numbers of one bounce (count, 8): light_uv x, y, bsdf_uv x, y, light, lobe, roulette, "

@@ -33,6 +33,7 @@ enum class ScatterKind : std::uint8_t {
 struct BsdfEval {
     Spectrum f_cos{0}; // BSDF times |cos(theta_i)|
     float pdf = 0;     // per solid angle, of sampling wi given wo
+    float eta = 1;     // index of refraction beyond the boundary, as in BsdfSample
 };
 
 struct BsdfSample {

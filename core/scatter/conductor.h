@@ -27,8 +27,7 @@ struct Conductor {
         BsdfEval eval(Vec3f, Vec3f) const { return {}; }
 
         std::optional<BsdfSample> sample(Vec3f wo, float, Vec2f) const {
-            if (wo.z <= 0)
-                return std::nullopt;
+            if (wo.z <= 0) return std::nullopt;
             const Spectrum f = reflectance * fresnel_conductor(wo.z, eta, k);
             return BsdfSample{{-wo.x, -wo.y, wo.z}, f, 1, 1, ScatterKind::specular};
         }

@@ -36,10 +36,8 @@ struct Dielectric {
             const auto [f, cos_t] = fresnel_dielectric(side * wo.z, beyond);
             const Spectrum r = reflectance * f, t = transmittance * (1 - f);
             const float total = mean(r) + mean(t), p_r = mean(r) / total;
-            if (!(total > 0))
-                return std::nullopt;
-            if (u_lobe < p_r)
-                return BsdfSample{{-wo.x, -wo.y, wo.z}, r / p_r, p_r, 1, ScatterKind::specular};
+            if (!(total > 0)) return std::nullopt;
+            if (u_lobe < p_r) return BsdfSample{{-wo.x, -wo.y, wo.z}, r / p_r, p_r, 1, ScatterKind::specular};
             const Vec3f wi{-wo.x / beyond, -wo.y / beyond, -side * cos_t};
             return BsdfSample{wi, t / (1 - p_r), 1 - p_r, beyond, ScatterKind::specular};
         }

@@ -22,16 +22,14 @@ struct Diffuse {
         float roughness() const { return 1; }
 
         BsdfEval eval(Vec3f wo, Vec3f wi) const {
-            if (cos_theta(wo) <= 0 || cos_theta(wi) <= 0)
-                return {};
+            if (cos_theta(wo) <= 0 || cos_theta(wi) <= 0) return {};
             const float pdf = cosine_hemisphere_pdf(cos_theta(wi));
             return {reflectance * pdf, pdf};
         }
 
         std::optional<BsdfSample> sample(Vec3f wo, float, Vec2f u) const {
             const Vec3f wi = sample_cosine_hemisphere(u);
-            if (cos_theta(wo) <= 0 || cos_theta(wi) <= 0)
-                return std::nullopt;
+            if (cos_theta(wo) <= 0 || cos_theta(wi) <= 0) return std::nullopt;
             return BsdfSample{wi, reflectance, cosine_hemisphere_pdf(cos_theta(wi))};
         }
     };

@@ -17,8 +17,7 @@ struct DielectricSplit {
 // cos_i >= 0; eta is the index of refraction beyond the boundary relative to that on this side.
 inline DielectricSplit fresnel_dielectric(float cos_i, float eta) {
     const float cos2_t = 1 - (1 - cos_i * cos_i) / (eta * eta);
-    if (cos2_t <= 0)
-        return {1, 0};
+    if (cos2_t <= 0) return {1, 0};
     const float cos_t = std::sqrt(cos2_t);
     const float r_s = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
     const float r_p = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
@@ -60,8 +59,7 @@ constexpr float fresnel_diffuse_reflectance(float eta) {
     const float r = 1 / eta;
     if (eta >= 1)
         return 0.919317f + r * (-3.4793f + r * (6.75335f + r * (-7.80989f + r * (4.98554f + r * -1.36881f))));
-    if (eta >= 0.5f)
-        return 0.0636f * r + 0.6681f + eta * (0.7099f - eta * 1.4399f);
+    if (eta >= 0.5f) return 0.0636f * r + 0.6681f + eta * (0.7099f - eta * 1.4399f);
     return 1 - eta * eta * (1 - fresnel_diffuse_reflectance(r));
 }
 

@@ -17,44 +17,60 @@ namespace detail {
 
 inline constexpr float inv_sqrt_pi = 0.56418958354775628695f;
 
+template <std::size_t n>
+constexpr float polynomial(float x, const float (&coefficients)[n]) { // the highest power first
+    float sum = coefficients[0];
+    for (std::size_t i = 1; i < n; ++i) sum = sum * x + coefficients[i];
+    return sum;
+}
+
 // Giles 2010, "Approximating the erfinv function": single precision; the ends are kept finite.
 inline float erf_inv(float x) {
-    const auto polynomial = [](float t, const std::array<float, 9> &coefficients) {
-        float sum = 0;
-        for (const float c : coefficients)
-            sum = sum * t + c;
-        return sum;
-    };
+    static constexpr float middle[]{2.81022636e-08f,  3.43273939e-07f, -3.5233877e-06f,
+                                    -4.39150654e-06f, 0.00021858087f,  -0.00125372503f,
+                                    -0.00417768164f,  0.246640727f,    1.50140941f};
+    static constexpr float ends[]{-0.000200214257f, 0.000100950558f, 0.00134934322f,
+                                  -0.00367342844f,  0.00573950773f,  -0.0076224613f,
+                                  0.00943887047f,   1.00167406f,     2.83297682f};
     const float w = -std::log(std::max((1 - x) * (1 + x), 6e-8f));
-    if (w < 5)
-        return x * polynomial(w - 2.5f,
-                              {2.81022636e-08f, 3.43273939e-07f, -3.5233877e-06f, -4.39150654e-06f,
-                               0.00021858087f, -0.00125372503f, -0.00417768164f, 0.246640727f, 1.50140941f});
-    return x * polynomial(std::sqrt(w) - 3,
-                          {-0.000200214257f, 0.000100950558f, 0.00134934322f, -0.00367342844f, 0.00573950773f,
-                           -0.0076224613f, 0.00943887047f, 1.00167406f, 2.83297682f});
+    return x * (w < 5 ? polynomial(w - 2.5f, middle) : polynomial(std::sqrt(w) - 3, ends));
 }
 
-// 1 + erf(a) + exp(-a^2) / (a sqrt(pi)): twice the area that a Beckmann surface of roughness one shows under
-// tan(theta) = 1 / a, over its area seen from above.
-inline float beckmann_projection(float a) {
-    return a > 4 ? 2 : 1 + std::erf(a) + std::exp(-a * a) * inv_sqrt_pi / a;
+// exp(a^2) erfc(a) for a >= 0, within 1.5e-7 (Abramowitz and Stegun, 7.1.26).
+inline float erfc_scaled(float a) {
+    const float t = 1 / (1 + 0.3275911f * a);
+    return t * polynomial(t, {1.061405429f, -1.453152027f, 1.421413741f, -0.284496736f, 0.254829592f});
 }
 
-// The slope, in the plane of the direction, of a visible normal of a Beckmann surface of roughness one:
-// inverts the cumulative density 1 + x + tan(theta) exp(-slope^2) / sqrt(pi), x = erf(slope), which is
-// concave in x, by Newton's method. The first guess is exact at theta = pi / 2 (Jakob 2014, "An Improved
-// Visible Normal Sampling Routine for the Beckmann Distribution").
-inline float sample_beckmann_slope(float u, float cot_theta) {
-    const float tan_theta = 1 / cot_theta, top = std::erf(cot_theta), lowest = -1 + 6e-8f;
-    const float target = u * beckmann_projection(cot_theta);
-    float x = top - (1 + top) * std::erf(std::sqrt(-std::log(u)));
-    for (int i = 0; i < 3; ++i) {
-        const float slope = erf_inv(x);
-        const float excess = 1 + x + tan_theta * inv_sqrt_pi * std::exp(-slope * slope) - target;
-        x = std::clamp(x - excess / std::max(1 - slope * tan_theta, 1e-4f), lowest, top);
+// Twice the area that a Beckmann surface of roughness one shows under the angle theta, over that seen from
+// above.
+inline float beckmann_projection(float cot_theta) {
+    if (cot_theta > 4) return 2;
+    return 2 + std::exp(-cot_theta * cot_theta) * (inv_sqrt_pi / cot_theta - erfc_scaled(cot_theta));
+}
+
+// The slopes, along and across the direction, of a visible normal of a Beckmann surface of roughness one. The
+// slope s along it has the density (1 - s / cot(theta)) exp(-s^2) for s < cot(theta). The linear factor is
+// dealt with by parts: slopes within +-cot(theta) are drawn without it and s > 0 becomes -s with probability
+// s / cot(theta); those below follow the tails of exp(-s^2) and of |s| exp(-s^2).
+inline Vec2f sample_beckmann_slopes(Vec2f u, float cot_theta) {
+    const float e = cot_theta > 4 ? 0 : std::exp(-cot_theta * cot_theta);
+    const float tail = e * erfc_scaled(cot_theta) / 2, rim = e * inv_sqrt_pi / (2 * cot_theta);
+    const float inner = 1 - 2 * tail; // erf(cot(theta))
+    const float v = u.x * (inner + tail + rim);
+    float along;
+    if (v < inner) {
+        along = erf_inv(2 * v - inner);
+        const float flip = std::max(along / cot_theta, 0.0f);
+        if (u.y < flip) along = -along;
+        u.y = u.y < flip ? u.y / flip : (u.y - flip) / (1 - flip);
+    } else if (v < inner + tail) {
+        along = erf_inv(inner - 2 * v);
+    } else {
+        const float beyond = (v - inner - tail) / rim;
+        along = -std::sqrt(cot_theta * cot_theta - std::log(std::max(beyond, 1e-7f)));
     }
-    return erf_inv(x);
+    return {along, erf_inv(2 * u.y - 1)};
 }
 
 } // namespace detail
@@ -72,16 +88,14 @@ public:
     float density(Vec3f m) const {
         const float slope2 = sqr(m.x / alpha_u_) + sqr(m.y / alpha_v_), cos2 = m.z * m.z;
         const float area = pi * alpha_u_ * alpha_v_;
-        if (kind_ == MicrofacetKind::ggx)
-            return 1 / (area * sqr(slope2 + cos2));
+        if (kind_ == MicrofacetKind::ggx) return 1 / (area * sqr(slope2 + cos2));
         return cos2 > 1e-16f ? std::exp(-slope2 / cos2) / (area * cos2 * cos2) : 0;
     }
 
     // Smith's G1: the fraction of the normals that face w and are not hidden from it.
     float masking(Vec3f w) const {
         const float sin2_alpha = sqr(alpha_u_ * w.x) + sqr(alpha_v_ * w.y);
-        if (kind_ == MicrofacetKind::ggx)
-            return 2 / (1 + std::sqrt(1 + sin2_alpha / (w.z * w.z)));
+        if (kind_ == MicrofacetKind::ggx) return 2 / (1 + std::sqrt(1 + sin2_alpha / (w.z * w.z)));
         return 2 / detail::beckmann_projection(w.z / std::sqrt(sin2_alpha));
     }
 
@@ -104,9 +118,8 @@ private:
     static Vec3f sample_beckmann(Vec3f v, Vec2f u) {
         const float sin_theta = std::sqrt(v.x * v.x + v.y * v.y);
         const Vec2f phi = sin_theta > 0 ? Vec2f{v.x, v.y} * (1 / sin_theta) : Vec2f{1, 0};
-        const float along = detail::sample_beckmann_slope(u.x, v.z / sin_theta);
-        const float across = detail::erf_inv(2 * u.y - 1);
-        return {across * phi.y - along * phi.x, -along * phi.y - across * phi.x, 1};
+        const Vec2f slope = detail::sample_beckmann_slopes(u, v.z / sin_theta);
+        return {slope.y * phi.y - slope.x * phi.x, -slope.x * phi.y - slope.y * phi.x, 1};
     }
 
     float alpha_u_, alpha_v_;

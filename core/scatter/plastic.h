@@ -35,22 +35,19 @@ struct Plastic {
         float roughness() const { return 1; }
 
         BsdfEval eval(Vec3f wo, Vec3f wi) const {
-            if (wo.z <= 0 || wi.z <= 0)
-                return {};
+            if (wo.z <= 0 || wi.z <= 0) return {};
             const float f_o = fresnel_dielectric(wo.z, eta).reflectance;
             return eval_base(f_o, specular_probability(f_o), wi);
         }
 
         std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f u) const {
-            if (wo.z <= 0)
-                return std::nullopt;
+            if (wo.z <= 0) return std::nullopt;
             const float f_o = fresnel_dielectric(wo.z, eta).reflectance, p = specular_probability(f_o);
             if (u_lobe < p)
                 return BsdfSample{{-wo.x, -wo.y, wo.z}, reflectance * (f_o / p), p, 1, ScatterKind::specular};
             const Vec3f wi = sample_cosine_hemisphere(u);
             const BsdfEval e = eval_base(f_o, p, wi);
-            if (!(e.pdf > 0))
-                return std::nullopt;
+            if (!(e.pdf > 0)) return std::nullopt;
             return BsdfSample{wi, e.f_cos / e.pdf, e.pdf};
         }
 

@@ -35,20 +35,17 @@ struct RoughConductor {
         float roughness() const { return surface.roughness(); }
 
         BsdfEval eval(Vec3f wo, Vec3f wi) const {
-            if (wo.z <= 0 || wi.z <= 0)
-                return {};
+            if (wo.z <= 0 || wi.z <= 0) return {};
             const Vec3f m = normalize(wo + wi);
             const float pdf = surface.visible(wo, m) / 4;
             return {reflectance * fresnel_conductor(dot(wo, m), eta, k) * (pdf * surface.masking(wi)), pdf};
         }
 
         std::optional<BsdfSample> sample(Vec3f wo, float, Vec2f u) const {
-            if (wo.z <= 0)
-                return std::nullopt;
+            if (wo.z <= 0) return std::nullopt;
             const Vec3f wi = reflect(wo, surface.sample_visible(wo, u));
             const BsdfEval e = eval(wo, wi);
-            if (!(e.pdf > 0))
-                return std::nullopt;
+            if (!(e.pdf > 0)) return std::nullopt;
             return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1, ScatterKind::glossy};
         }
     };

@@ -44,11 +44,9 @@ struct RoughDielectric {
             return wo.z > 0 ? eval_above(wo, wi, eta) : eval_above(mirror(wo), mirror(wi), 1 / eta);
         }
         std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f u) const {
-            if (wo.z > 0)
-                return sample_above(wo, u_lobe, u, eta);
+            if (wo.z > 0) return sample_above(wo, u_lobe, u, eta);
             auto s = sample_above(mirror(wo), u_lobe, u, 1 / eta);
-            if (s)
-                s->wi = mirror(s->wi);
+            if (s) s->wi = mirror(s->wi);
             return s;
         }
 
@@ -70,8 +68,7 @@ struct RoughDielectric {
 
         // With wo above the surface; `beyond` is the index of refraction below relative to that above.
         BsdfEval eval_above(Vec3f wo, Vec3f wi, float beyond) const {
-            if (wo.z <= 0 || wi.z == 0)
-                return {};
+            if (wo.z <= 0 || wi.z == 0) return {};
             const bool reflected = wi.z > 0;
             const Vec3f h = reflected ? wo + wi : wo + wi * beyond; // Walter et al., eq. 13 and 16
             const float h2 = length_squared(h);
@@ -86,22 +83,20 @@ struct RoughDielectric {
             }
             const float density =
                 surface.visible(wo, m) * cos_o * sqr(beyond) * std::abs(cos_i) / h2; // eq. 17
-            return {s.transmitted * (density * surface.masking(mirror(wi))), density * (1 - s.p_reflect)};
+            return {s.transmitted * (density * surface.masking(mirror(wi))), density * (1 - s.p_reflect),
+                    beyond};
         }
 
         std::optional<BsdfSample> sample_above(Vec3f wo, float u_lobe, Vec2f u, float beyond) const {
-            if (wo.z <= 0)
-                return std::nullopt;
+            if (wo.z <= 0) return std::nullopt;
             const Vec3f m = surface.sample_visible(wo, u);
             const float cos_o = dot(wo, m);
             const Split s = split(cos_o, beyond);
             const bool reflected = u_lobe < s.p_reflect;
             const Vec3f wi = reflected ? reflect(wo, m) : refract(wo, m, cos_o, s.cos_t, beyond);
-            if (reflected != (wi.z > 0))
-                return std::nullopt;
+            if (reflected != (wi.z > 0)) return std::nullopt;
             const BsdfEval e = eval_above(wo, wi, beyond);
-            if (!(e.pdf > 0))
-                return std::nullopt;
+            if (!(e.pdf > 0)) return std::nullopt;
             return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, reflected ? 1 : beyond, ScatterKind::glossy};
         }
     };

@@ -56,24 +56,20 @@ struct RoughPlastic {
         float roughness() const { return 1; }
 
         BsdfEval eval(Vec3f wo, Vec3f wi) const {
-            if (wo.z <= 0 || wi.z <= 0)
-                return {};
+            if (wo.z <= 0 || wi.z <= 0) return {};
             const float t = (*entering)(wo.z);
             return eval_above(wo, wi, t, specular_probability(t));
         }
 
         std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f u) const {
-            if (wo.z <= 0)
-                return std::nullopt;
+            if (wo.z <= 0) return std::nullopt;
             const float t = (*entering)(wo.z), p = specular_probability(t);
             const bool specular = u_lobe < p;
             const Vec3f wi =
                 specular ? reflect(wo, surface.sample_visible(wo, u)) : sample_cosine_hemisphere(u);
-            if (wi.z <= 0)
-                return std::nullopt;
+            if (wi.z <= 0) return std::nullopt;
             const BsdfEval e = eval_above(wo, wi, t, p);
-            if (!(e.pdf > 0))
-                return std::nullopt;
+            if (!(e.pdf > 0)) return std::nullopt;
             return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1,
                               specular ? ScatterKind::glossy : ScatterKind::diffuse};
         }

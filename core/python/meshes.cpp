@@ -1,0 +1,205 @@
+#include "python/meshes.h"
+
+#include <fstream>
+
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include "meshio/obj.h"
+#include "meshio/ply.h"
+#include "meshio/serialized.h"
+
+namespace lajolla {
+
+namespace {
+
+using namespace nb::literals;
+
+template <class T, std::size_t N>
+using Table = nb::ndarray<const T, nb::shape<-1, static_cast<Py_ssize_t>(N)>, nb::c_contig, nb::device::cpu>;
+
+// A mesh together with what only its file knew.
+struct LoadedMesh : Mesh {
+    std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t>> groups;
+    std::vector<std::string> material_libraries;
+};
+
+template <class Element, std::size_t N, class T>
+std::vector<Element> elements(const Table<T, N> &table) {
+    static_assert(sizeof(Element) == N * sizeof(T));
+    std::vector<Element> result;
+    result.reserve(table.shape(0) + 2); // room for the ray tracer behind the last position
+    const auto *first = reinterpret_cast<const Element *>(table.data());
+    result.assign(first, first + table.shape(0));
+    return result;
+}
+
+// A NumPy view of memory that `owner` keeps alive.
+template <class T>
+nb::object view(nb::handle owner, const T *data, std::initializer_list<std::size_t> shape) {
+    return nb::cast(nb::ndarray<nb::numpy, const T>(data, shape, owner), nb::rv_policy::reference);
+}
+
+std::shared_ptr<LoadedMesh> make_mesh(const Table<float, 3> &vertices, const Table<std::uint32_t, 3> &faces,
+                                      const std::optional<Table<float, 3>> &normals,
+                                      const std::optional<Table<float, 2>> &uvs) {
+    auto mesh = std::make_shared<LoadedMesh>();
+    mesh->positions = elements<Vec3f, 3>(vertices);
+    mesh->triangles = elements<Triangle, 3>(faces);
+    if (normals) mesh->normals = elements<Vec3f, 3>(*normals);
+    if (uvs) mesh->uvs = elements<Vec2f, 2>(*uvs);
+    validate(*mesh);
+    return mesh;
+}
+
+std::shared_ptr<LoadedMesh> from_file(MeshData data) {
+    auto mesh = std::make_shared<LoadedMesh>();
+    const auto copy = [](const auto &flat, auto &target, std::size_t n) {
+        using Element = typename std::decay_t<decltype(target)>::value_type;
+        target.reserve(flat.size() / n + 2);
+        const auto *first = reinterpret_cast<const Element *>(flat.data());
+        target.assign(first, first + flat.size() / n);
+    };
+    copy(data.positions, mesh->positions, 3);
+    copy(data.normals, mesh->normals, 3);
+    copy(data.uvs, mesh->uvs, 2);
+    copy(data.indices, mesh->triangles, 3);
+    for (auto &attribute : data.attributes)
+        mesh->attributes[attribute.name] = {static_cast<std::uint32_t>(attribute.channels),
+                                            attribute.per_face, std::move(attribute.values)};
+    for (const auto &group : data.groups)
+        mesh->groups.emplace_back(group.material, group.first_triangle, group.triangle_count);
+    mesh->material_libraries = std::move(data.material_libraries);
+    return mesh;
+}
+
+std::vector<std::byte> read_file(const std::string &path) {
+    std::ifstream file(path, std::ios::binary | std::ios::ate);
+    const std::streamoff size = file ? static_cast<std::streamoff>(file.tellg()) : -1;
+    if (size < 0) throw MeshError("cannot read the file");
+    std::vector<std::byte> bytes(static_cast<std::size_t>(size));
+    file.seekg(0);
+    if (!file.read(reinterpret_cast<char *>(bytes.data()), size)) throw MeshError("cannot read the file");
+    return bytes;
+}
+
+nb::dict attributes(nb::handle self) {
+    nb::dict result;
+    for (const auto &[name, attribute] : nb::cast<const LoadedMesh &>(self).attributes)
+        result[name.c_str()] = view(self, attribute.values.data(),
+                                    {attribute.values.size() / attribute.channels, attribute.channels});
+    return result;
+}
+
+std::shared_ptr<LoadedMesh> smoothed(const LoadedMesh &mesh, float max_angle_degrees) {
+    auto result = std::make_shared<LoadedMesh>();
+    static_cast<Mesh &>(*result) = with_smooth_normals(mesh, max_angle_degrees * pi / 180);
+    result->groups = mesh.groups;
+    result->material_libraries = mesh.material_libraries;
+    return result;
+}
+
+std::shared_ptr<LoadedMesh> with_flipped_uvs(const LoadedMesh &mesh) {
+    auto result = std::make_shared<LoadedMesh>(mesh);
+    for (Vec2f &uv : result->uvs) uv.y = 1 - uv.y;
+    return result;
+}
+
+using Pixels = nb::ndarray<nb::ro, nb::c_contig, nb::device::cpu>;
+
+template <class T>
+std::vector<T> texels_of(const Pixels &pixels) {
+    const auto *first = static_cast<const T *>(pixels.data());
+    return {first, first + pixels.size()};
+}
+
+std::shared_ptr<Image> make_image(const Pixels &pixels, bool srgb) {
+    const std::size_t channels = pixels.ndim() == 3 ? pixels.shape(2) : 1;
+    if ((pixels.ndim() != 2 && pixels.ndim() != 3) || pixels.size() == 0 || (channels != 1 && channels != 3))
+        throw std::invalid_argument(
+            "pixels must have the shape (height, width), (height, width, 1) or (height, width, 3)");
+    auto image = std::make_shared<Image>();
+    image->height = static_cast<std::uint32_t>(pixels.shape(0));
+    image->width = static_cast<std::uint32_t>(pixels.shape(1));
+    image->channels = static_cast<std::uint32_t>(channels);
+    image->srgb = srgb;
+    const auto type = pixels.dtype();
+    if (type == nb::dtype<std::uint8_t>()) image->texels = texels_of<std::uint8_t>(pixels);
+    else if (type == nb::dtype<float>()) image->texels = texels_of<float>(pixels);
+    else if (type.code == static_cast<std::uint8_t>(nb::dlpack::dtype_code::Float) && type.bits == 16)
+        image->texels = texels_of<Image::Half>(pixels);
+    else throw std::invalid_argument("pixels must be uint8, float16 or float32");
+    return image;
+}
+
+} // namespace
+
+void bind_meshes(nb::module_ &m) {
+    nb::exception<MeshError>(m, "MeshError", PyExc_ValueError);
+
+    nb::class_<Mesh>(m, "MeshBase", "Arrays of a triangle mesh.");
+    nb::class_<LoadedMesh, Mesh>(m, "Mesh", "A triangle mesh; its arrays cannot be changed.")
+        .def(nb::new_(&make_mesh), "vertices"_a, "faces"_a, "normals"_a = nb::none(), "uvs"_a = nb::none(),
+             "vertices (N, 3) float32; faces (M, 3) uint32, indices of vertices; normals (N, 3) float32 of "
+             "unit length; "
+             "uvs (N, 2) float32. Raises ValueError where shapes or indices do not fit.")
+        .def_prop_ro("vertices",
+                     [](nb::handle self) {
+                         const auto &mesh = nb::cast<const LoadedMesh &>(self);
+                         return view(self, reinterpret_cast<const float *>(mesh.positions.data()),
+                                     {mesh.positions.size(), 3});
+                     })
+        .def_prop_ro("faces",
+                     [](nb::handle self) {
+                         const auto &mesh = nb::cast<const LoadedMesh &>(self);
+                         return view(self, reinterpret_cast<const std::uint32_t *>(mesh.triangles.data()),
+                                     {mesh.triangles.size(), 3});
+                     })
+        .def_prop_ro("normals",
+                     [](nb::handle self) -> nb::object {
+                         const auto &mesh = nb::cast<const LoadedMesh &>(self);
+                         if (mesh.normals.empty()) return nb::none();
+                         return view(self, reinterpret_cast<const float *>(mesh.normals.data()),
+                                     {mesh.normals.size(), 3});
+                     })
+        .def_prop_ro(
+            "uvs",
+            [](nb::handle self) -> nb::object {
+                const auto &mesh = nb::cast<const LoadedMesh &>(self);
+                if (mesh.uvs.empty()) return nb::none();
+                return view(self, reinterpret_cast<const float *>(mesh.uvs.data()), {mesh.uvs.size(), 2});
+            })
+        .def_prop_ro("attributes", &attributes,
+                     "Further values per vertex (vertex_...) or per face (face_...).")
+        .def_ro("groups", &LoadedMesh::groups,
+                "(material name, first face, number of faces) of an OBJ file's usemtl.")
+        .def_ro("material_libraries", &LoadedMesh::material_libraries, "File names of an OBJ file's mtllib.")
+        .def("with_smooth_normals", &smoothed, "max_angle_degrees"_a,
+             "A mesh with angle-weighted vertex normals; edges sharper than the angle stay sharp.")
+        .def("flip_uvs", &with_flipped_uvs, "A mesh whose v runs the other way.");
+
+    nb::class_<Image>(m, "Image", "Pixels of a texture.")
+        .def(nb::new_(&make_image), "pixels"_a, "srgb"_a = false,
+             "pixels (height, width[, 1 or 3]) of uint8, float16 or float32, kept as they are; srgb: 8-bit "
+             "values are "
+             "sRGB encoded, otherwise 255 means 1.")
+        .def_ro("width", &Image::width)
+        .def_ro("height", &Image::height)
+        .def_ro("channels", &Image::channels);
+
+    m.def(
+        "load_obj", [](const std::string &path) { return from_file(read_obj(read_file(path))); }, "path"_a,
+        "Reads a Wavefront OBJ file. Raises MeshError.");
+    m.def(
+        "load_ply", [](const std::string &path) { return from_file(read_ply(read_file(path))); }, "path"_a,
+        "Reads a PLY file, text or binary. Raises MeshError.");
+    m.def(
+        "load_serialized",
+        [](const std::string &path, int index) { return from_file(read_serialized(read_file(path), index)); },
+        "path"_a, "shape_index"_a = 0, "Reads one mesh of a Mitsuba 0.6 .serialized file. Raises MeshError.");
+}
+
+} // namespace lajolla

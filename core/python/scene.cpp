@@ -1,0 +1,310 @@
+#include "python/scene.h"
+
+#include <memory>
+
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include "python/describe.h"
+#include "python/meshes.h"
+#include "transport/render.h"
+
+namespace lajolla {
+
+// What a description says: the scene, and how it wants to be rendered.
+struct RenderableScene {
+    std::unique_ptr<const Scene> scene;
+    Integrator integrator;
+    SequenceKind sequence;
+    int sample_count;
+    std::uint32_t seed;
+};
+
+namespace {
+
+using namespace nb::literals;
+
+// The list of models under a key of the description, read one by one with `read(dict, where)`.
+template <class Read>
+auto read_list(const nb::dict &description, const char *key, Read &&read) {
+    std::vector<std::decay_t<decltype(read(nb::dict(), std::string()))>> result;
+    if (!description.contains(key)) return result;
+    const nb::object entries = description[key];
+    if (!nb::isinstance<nb::list>(entries) && !nb::isinstance<nb::tuple>(entries))
+        throw_unexpected(key, "a list", entries);
+    for (const nb::handle entry : entries) {
+        const std::string where = std::string(key) + "[" + std::to_string(result.size()) + "]";
+        if (!nb::isinstance<nb::dict>(entry)) throw_unexpected(where, "a dict", entry);
+        result.push_back(read(nb::cast<nb::dict>(entry), where));
+    }
+    return result;
+}
+
+// The dict under a key; an empty one, which means all defaults, where it is missing.
+nb::dict read_dict(const nb::dict &description, const char *key) {
+    if (!description.contains(key)) return {};
+    const nb::object entry = description[key];
+    if (!nb::isinstance<nb::dict>(entry)) throw_unexpected(key, "a dict", entry);
+    return nb::cast<nb::dict>(entry);
+}
+
+template <class Variant>
+Variant read_variant(const nb::dict &description, const char *key) {
+    const nb::dict entry = read_dict(description, key);
+    return entry.contains("type") ? variant_from<Variant>(entry, key) : Variant{};
+}
+
+// An index into a list of `count` entries, or -1.
+std::int32_t read_id(const nb::dict &entry, const char *key, std::size_t count, const std::string &where) {
+    std::int32_t id = -1;
+    if (entry.contains(key)) read_value(entry[key], id, where + "." + key);
+    if (id < -1 || id >= static_cast<std::int64_t>(count))
+        throw_unexpected(where + "." + key, "-1 or an index below " + std::to_string(count), entry[key]);
+    return id;
+}
+
+template <class T>
+void check_texture(const T &value, std::size_t count, const std::string &where) {
+    if constexpr (requires { value.id; })
+        if (value.id >= static_cast<std::int64_t>(count))
+            throw DescriptionError(where + ": there is no texture " + std::to_string(value.id) +
+                                   " before this");
+}
+
+// Every texture handle of a model must name one of the first `count` textures.
+template <class Variant>
+void check_textures(const Variant &variant, std::size_t count, const std::string &where) {
+    match(variant, [&](const auto &model) {
+        for_each_field<std::decay_t<decltype(model)>>(
+            [&](const auto &field) { check_texture(model.*field.member, count, where + "." + field.name); });
+    });
+}
+
+Material read_material(const nb::dict &entry, std::size_t bsdfs, std::size_t textures,
+                       const std::string &where) {
+    Material material{read_id(entry, "front", bsdfs, where), read_id(entry, "back", bsdfs, where), 1.0f};
+    if (entry.contains("opacity")) read_value(entry["opacity"], material.opacity, where + ".opacity");
+    check_texture(material.opacity, textures, where + ".opacity");
+    return material;
+}
+
+SceneParts read_parts(const nb::dict &description) {
+    SceneParts parts;
+    parts.textures =
+        read_list(description, "textures",
+                  [&, count = std::size_t(0)](const nb::dict &entry, const std::string &where) mutable {
+                      auto texture = variant_from<TextureModel>(entry, where);
+                      check_textures(texture, count++, where); // earlier ones only: no texture reads itself
+                      return texture;
+                  });
+    const std::size_t textures = parts.textures.size();
+    parts.bsdfs = read_list(description, "bsdfs", [&](const nb::dict &entry, const std::string &where) {
+        auto bsdf = variant_from<Bsdf>(entry, where);
+        check_textures(bsdf, textures, where);
+        return bsdf;
+    });
+    parts.materials =
+        read_list(description, "materials", [&](const nb::dict &entry, const std::string &where) {
+            return read_material(entry, parts.bsdfs.size(), textures, where);
+        });
+    parts.lights = read_list(description, "emitters", [&](const nb::dict &entry, const std::string &where) {
+        auto light = variant_from<Light>(entry, where);
+        check_textures(light, textures, where);
+        return light;
+    });
+    parts.shapes = read_list(description, "shapes", [&](const nb::dict &entry, const std::string &where) {
+        parts.slots.push_back({read_id(entry, "material", parts.materials.size(), where),
+                               read_id(entry, "emitter", parts.lights.size(), where), -1, -1});
+        return variant_from<Shape>(entry, where, {"material", "emitter", "interior", "exterior"});
+    });
+    parts.camera = read_variant<Camera>(description, "sensor");
+    parts.film = model_from<Film>(read_dict(description, "film"), "film");
+    parts.filter = read_variant<PixelFilter>(description, "rfilter");
+    return parts;
+}
+
+std::unique_ptr<RenderableScene> make_scene(const nb::dict &description) {
+    auto result = std::make_unique<RenderableScene>();
+    const auto sampler_model = read_variant<SamplerModel>(description, "sampler");
+    match(sampler_model, [&](const auto &sampler) {
+        result->sequence = sampler.kind;
+        result->sample_count = sampler.sample_count;
+        result->seed = static_cast<std::uint32_t>(sampler.seed);
+    });
+    result->integrator = read_variant<Integrator>(description, "integrator");
+    SceneParts parts = read_parts(description);
+    try {
+        const nb::gil_scoped_release release;
+        result->scene = std::make_unique<const Scene>(std::move(parts));
+    } catch (const std::invalid_argument &error) {
+        throw DescriptionError(error.what());
+    }
+    return result;
+}
+
+nb::dict summary(const RenderableScene &self) {
+    const SceneParts &parts = self.scene->parts();
+    std::size_t triangles = 0;
+    for (const Shape &shape : parts.shapes)
+        if (const auto *mesh = std::get_if<TriangleMesh>(&shape)) triangles += mesh->mesh->triangles.size();
+    nb::dict result;
+    result["shapes"] = parts.shapes.size();
+    result["triangles"] = triangles;
+    result["bsdfs"] = parts.bsdfs.size();
+    result["emitters"] = parts.lights.size();
+    result["textures"] = parts.textures.size();
+    result["bytes"] = self.scene->bytes();
+    return result;
+}
+
+// The running sum of a render; every add() continues it.
+class Render {
+public:
+    Render(const RenderableScene &scene, std::optional<std::uint32_t> seed)
+        : scene_(scene), seed_(seed.value_or(scene.seed)), sums_(3 * pixels()) {}
+
+    bool add(std::uint32_t first, std::uint32_t count, int threads) {
+        std::vector<double> next = sums_;
+        progress_.pixels = 0;
+        const auto report = lajolla::render(*scene_.scene, scene_.integrator,
+                                            {scene_.sequence, seed_, first, count, threads}, next, progress_);
+        if (!report) return false;
+        sums_ = std::move(next);
+        samples_ += count;
+        rays_ += report->rays;
+        nonfinite_ += report->nonfinite;
+        for (const SampleId &id : report->nonfinite_samples)
+            if (nonfinite_list_.size() < Report::kept_samples)
+                nonfinite_list_.emplace_back(id.x, id.y, id.index);
+        return true;
+    }
+    void cancel() { progress_.cancelled = true; }
+    double progress() const { return static_cast<double>(progress_.pixels) / static_cast<double>(pixels()); }
+    nb::object image() const {
+        auto values = std::make_unique<float[]>(sums_.size());
+        const double scale = samples_ > 0 ? 1 / static_cast<double>(samples_) : 0;
+        for (std::size_t i = 0; i < sums_.size(); ++i) values[i] = static_cast<float>(sums_[i] * scale);
+        float *data = values.release();
+        const nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<float *>(p); });
+        const Film &film = scene_.scene->film();
+        return nb::cast(nb::ndarray<nb::numpy, float>(
+            data, {static_cast<std::size_t>(film.crop_height), static_cast<std::size_t>(film.crop_width), 3},
+            owner));
+    }
+    std::uint64_t samples() const { return samples_; }
+    std::uint64_t rays() const { return rays_; }
+    std::uint64_t nonfinite() const { return nonfinite_; }
+    const auto &nonfinite_list() const { return nonfinite_list_; }
+
+private:
+    std::size_t pixels() const {
+        const Film &film = scene_.scene->film();
+        return static_cast<std::size_t>(film.crop_width) * static_cast<std::size_t>(film.crop_height);
+    }
+
+    const RenderableScene &scene_; // kept alive by Python
+    std::uint32_t seed_;
+    std::vector<double> sums_;
+    std::uint64_t samples_ = 0, rays_ = 0, nonfinite_ = 0;
+    std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> nonfinite_list_;
+    Progress progress_;
+};
+
+std::tuple<float, float, float> replay_sample(const RenderableScene &self, std::uint32_t seed,
+                                              std::uint32_t x, std::uint32_t y, std::uint32_t sample) {
+    Tracer tracer(self.scene->accel());
+    const Spectrum value =
+        sample_radiance(*self.scene, self.integrator, self.sequence, seed, {x, y, sample}, tracer);
+    return {value.x, value.y, value.z};
+}
+
+// Recorded rays for bench/limit.
+struct RayRecording {
+    const RenderableScene &scene;
+    Recording rays;
+    std::size_t size() const {
+        std::size_t sum = 0;
+        for (const auto &tile : rays) sum += tile.size();
+        return sum;
+    }
+};
+
+} // namespace
+
+nb::dict schema() {
+    nb::dict kinds;
+    kinds["bsdf"] = schema_of_list<Bsdf>();
+    kinds["texture"] = schema_of_list<TextureModel>();
+    kinds["emitter"] = schema_of_list<Light>();
+    kinds["shape"] = schema_of_list<Shape>();
+    kinds["sensor"] = schema_of_list<Camera>();
+    kinds["film"] = schema_of_list<std::variant<Film>>();
+    kinds["rfilter"] = schema_of_list<PixelFilter>();
+    kinds["sampler"] = schema_of_list<SamplerModel>();
+    kinds["integrator"] = schema_of_list<Integrator>();
+    return kinds;
+}
+
+void bind_scene(nb::module_ &m) {
+    nb::class_<RenderableScene>(m, "Scene", "A scene that can be rendered; it never changes.")
+        .def(nb::new_(&make_scene), "description"_a,
+             "Builds the scene that a description holds. Raises DescriptionError.")
+        .def_prop_ro(
+            "width", [](const RenderableScene &s) { return s.scene->film().crop_width; },
+            "of the crop window")
+        .def_prop_ro(
+            "height", [](const RenderableScene &s) { return s.scene->film().crop_height; },
+            "of the crop window")
+        .def_prop_ro(
+            "crop_offset",
+            [](const RenderableScene &s) {
+                return std::tuple(s.scene->film().crop_offset_x, s.scene->film().crop_offset_y);
+            },
+            "position (x, y) of the crop window on the film")
+        .def_ro("sample_count", &RenderableScene::sample_count, "samples per pixel that the scene asks for")
+        .def_ro("seed", &RenderableScene::seed, "seed that the scene asks for")
+        .def("summary", &summary, "Counts of what is in it, and its size in bytes.");
+
+    nb::class_<Render>(m, "Render", "The running mean of a scene's samples.")
+        .def(nb::init<const RenderableScene &, std::optional<std::uint32_t>>(), "scene"_a,
+             "seed"_a = nb::none(), nb::keep_alive<1, 2>())
+        .def("add", &Render::add, "first_sample"_a, "count"_a, "threads"_a = 0,
+             nb::call_guard<nb::gil_scoped_release>(),
+             "Adds samples first_sample ... first_sample + count - 1 of every pixel. Returns False, and "
+             "changes nothing, "
+             "where cancel() was called meanwhile. threads = 0 uses them all.")
+        .def("cancel", &Render::cancel, "Stops add(), from another thread.")
+        .def_prop_ro("progress", &Render::progress, "Finished fraction of the running add().")
+        .def("image", &Render::image, "Mean of the samples: float32 (height, width, 3), linear sRGB.")
+        .def_prop_ro("samples", &Render::samples, "Samples per pixel so far.")
+        .def_prop_ro("rays", &Render::rays, "Rays traced so far.")
+        .def_prop_ro("nonfinite", &Render::nonfinite,
+                     "Samples that were NaN or infinite; they count as black.")
+        .def_prop_ro("nonfinite_list", &Render::nonfinite_list, "(x, y, sample) of the first of them.");
+
+    nb::class_<RayRecording>(m, "RayRecording", "The rays of a render, to be traced again without shading.")
+        .def("__len__", &RayRecording::size)
+        .def(
+            "replay",
+            [](const RayRecording &self, int threads) {
+                return replay_seconds(*self.scene.scene, self.rays, threads);
+            },
+            "threads"_a = 0, nb::call_guard<nb::gil_scoped_release>(),
+            "Seconds that the ray tracer alone takes.");
+    m.def(
+        "record_rays",
+        [](const RenderableScene &scene, std::uint32_t count, int threads) {
+            return std::make_unique<RayRecording>(
+                scene,
+                record(*scene.scene, scene.integrator, {scene.sequence, scene.seed, 0, count, threads}));
+        },
+        "scene"_a, "count"_a, "threads"_a = 0, nb::keep_alive<0, 1>(),
+        nb::call_guard<nb::gil_scoped_release>(), "Renders `count` samples per pixel and keeps every ray.");
+    m.def("sample_radiance", &replay_sample, "scene"_a, "seed"_a, "x"_a, "y"_a, "sample"_a,
+          "Radiance (r, g, b) of one sample of one pixel; x and y count over the whole film.");
+}
+
+} // namespace lajolla

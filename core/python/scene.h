@@ -1,0 +1,11 @@
+#pragma once
+// Scenes and renders as Python objects.
+
+#include <nanobind/nanobind.h>
+
+namespace lajolla {
+
+nanobind::dict schema();
+void bind_scene(nanobind::module_ &m);
+
+} // namespace lajolla

@@ -1,0 +1,162 @@
+#include "scene/accel.h"
+
+#include <stdexcept>
+
+#if __has_include(<embree4/rtcore.h>)
+#include <embree4/rtcore.h>
+#else
+#include <embree3/rtcore.h>
+#endif
+
+namespace lajolla {
+
+namespace {
+
+void intersect1(RTCScene scene, RTCRayHit &query) {
+#if RTC_VERSION_MAJOR >= 4
+    rtcIntersect1(scene, &query, nullptr);
+#else
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    rtcIntersect1(scene, &context, &query);
+#endif
+}
+
+void occluded1(RTCScene scene, RTCRay &query) {
+#if RTC_VERSION_MAJOR >= 4
+    rtcOccluded1(scene, &query, nullptr);
+#else
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    rtcOccluded1(scene, &context, &query);
+#endif
+}
+
+RTCRay to_embree(const Ray &ray) {
+    RTCRay r;
+    r.org_x = ray.origin.x, r.org_y = ray.origin.y, r.org_z = ray.origin.z;
+    r.dir_x = ray.direction.x, r.dir_y = ray.direction.y, r.dir_z = ray.direction.z;
+    r.tnear = ray.near, r.tfar = ray.far;
+    r.time = 0;
+    r.mask = ~0u;
+    r.id = r.flags = 0;
+    return r;
+}
+
+Ray from_embree(const RTCRay &r) {
+    return {{r.org_x, r.org_y, r.org_z}, {r.dir_x, r.dir_y, r.dir_z}, r.tnear, r.tfar};
+}
+
+// Shapes without triangles are Embree "user geometry": callbacks that ask the shape itself.
+template <class T>
+void set_bounds(const RTCBoundsFunctionArguments *args) {
+    const Bounds box = static_cast<const T *>(args->geometryUserPtr)->bounds();
+    *args->bounds_o = {box.low.x, box.low.y, box.low.z, 0, box.high.x, box.high.y, box.high.z, 0};
+}
+
+template <class T>
+void intersect_user(const RTCIntersectFunctionNArguments *args) {
+    if (!args->valid[0]) return;
+    auto &query = *reinterpret_cast<RTCRayHit *>(args->rayhit);
+    const auto t = static_cast<const T *>(args->geometryUserPtr)->intersect(from_embree(query.ray));
+    if (!t) return;
+    query.ray.tfar = *t;
+    query.hit.geomID = args->geomID;
+    query.hit.primID = args->primID;
+    query.hit.u = query.hit.v = 0;
+}
+
+template <class T>
+void occluded_user(const RTCOccludedFunctionNArguments *args) {
+    if (!args->valid[0]) return;
+    auto &ray = *reinterpret_cast<RTCRay *>(args->ray);
+    if (static_cast<const T *>(args->geometryUserPtr)->intersect(from_embree(ray))) ray.tfar = -infinity;
+}
+
+template <class T>
+RTCGeometry make_geometry(RTCDevice device, const T &shape) {
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
+    rtcSetGeometryUserPrimitiveCount(geometry, 1);
+    rtcSetGeometryUserData(geometry, const_cast<T *>(&shape)); // only ever read
+    rtcSetGeometryBoundsFunction(geometry, set_bounds<T>, nullptr);
+    rtcSetGeometryIntersectFunction(geometry, intersect_user<T>);
+    rtcSetGeometryOccludedFunction(geometry, occluded_user<T>);
+    return geometry;
+}
+
+RTCGeometry make_geometry(RTCDevice device, const TriangleMesh &shape) {
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    // The arrays are shared with Embree, which reads 16 bytes at each position: build() leaves room behind
+    // the last.
+    const Mesh &mesh = *shape.mesh;
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, mesh.positions.data(),
+                               0, sizeof(Vec3f), mesh.positions.size());
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangles.data(), 0,
+                               sizeof(Triangle), mesh.triangles.size());
+    return geometry;
+}
+
+RTCGeometry make_geometry(RTCDevice device, const Rectangle &shape) {
+    RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+    const auto corners = shape.corners();
+    const std::array<Triangle, 2> triangles{{{0, 1, 2}, {0, 2, 3}}};
+    void *vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                             sizeof(Vec3f), corners.size());
+    void *indices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                            sizeof(Triangle), triangles.size());
+    std::copy(corners.begin(), corners.end(), static_cast<Vec3f *>(vertices));
+    std::copy(triangles.begin(), triangles.end(), static_cast<Triangle *>(indices));
+    return geometry;
+}
+
+} // namespace
+
+struct Accel::Embree {
+    RTCDevice device;
+    RTCScene scene;
+
+    Embree() : device(rtcNewDevice(nullptr)), scene(device ? rtcNewScene(device) : nullptr) {
+        if (!scene) throw std::runtime_error("Embree could not start");
+    }
+    Embree(const Embree &) = delete;
+    Embree &operator=(const Embree &) = delete;
+    ~Embree() {
+        rtcReleaseScene(scene);
+        rtcReleaseDevice(device);
+    }
+};
+
+Accel::Accel(std::span<const Shape> shapes) {
+    auto embree = std::make_shared<Embree>();
+    rtcSetSceneBuildQuality(embree->scene, RTC_BUILD_QUALITY_HIGH);
+    for (std::uint32_t id = 0; id < shapes.size(); ++id) {
+        RTCGeometry geometry =
+            match(shapes[id], [&](const auto &shape) { return make_geometry(embree->device, shape); });
+        rtcCommitGeometry(geometry);
+        rtcAttachGeometryByID(embree->scene, geometry, id);
+        rtcReleaseGeometry(geometry);
+    }
+    rtcCommitScene(embree->scene);
+    if (const RTCError error = rtcGetDeviceError(embree->device); error != RTC_ERROR_NONE)
+        throw std::runtime_error("Embree could not build the scene (error " + std::to_string(error) + ")");
+    scene_ = embree->scene;
+    embree_ = std::move(embree);
+}
+
+std::optional<RayHit> Accel::closest(const Ray &ray) const {
+    RTCRayHit query;
+    query.ray = to_embree(ray);
+    query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    intersect1(static_cast<RTCScene>(scene_), query);
+    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
+    return RayHit{query.ray.tfar, query.hit.u, query.hit.v, query.hit.geomID, query.hit.primID};
+}
+
+bool Accel::occluded(const Ray &ray) const {
+    RTCRay query = to_embree(ray);
+    occluded1(static_cast<RTCScene>(scene_), query);
+    return query.tfar < 0;
+}
+
+} // namespace lajolla

@@ -1,0 +1,63 @@
+#pragma once
+// Ray queries. accel.cpp is the only file that knows Embree.
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "scene/hit.h"
+#include "scene/shapes.h"
+
+namespace lajolla {
+
+// A spatial index over shapes; shape ids are positions in the span, which must outlive it.
+class Accel {
+public:
+    explicit Accel(std::span<const Shape> shapes);
+
+    std::optional<RayHit> closest(const Ray &ray) const;
+    bool occluded(const Ray &ray) const;
+
+private:
+    struct Embree;
+    std::shared_ptr<const Embree> embree_;
+    void *scene_ = nullptr; // embree_'s scene, one indirection closer
+};
+
+// One query, as the replay of bench/limit asks it again.
+struct RecordedRay {
+    Ray ray;
+    bool occlusion;
+};
+
+// One thread's view of the scene's geometry: counts rays, and records them where asked to.
+class Tracer {
+public:
+    explicit Tracer(const Accel &accel, std::vector<RecordedRay> *record = nullptr)
+        : accel_(accel), record_(record) {}
+
+    std::optional<RayHit> closest(const Ray &ray) {
+        note(ray, false);
+        return accel_.closest(ray);
+    }
+    bool occluded(const Ray &ray) {
+        note(ray, true);
+        return accel_.occluded(ray);
+    }
+    std::uint64_t rays() const { return rays_; }
+
+private:
+    void note(const Ray &ray, bool occlusion) {
+        ++rays_;
+        if (record_) [[unlikely]]
+            record_->push_back({ray, occlusion});
+    }
+
+    const Accel &accel_;
+    std::vector<RecordedRay> *record_;
+    std::uint64_t rays_ = 0;
+};
+
+} // namespace lajolla

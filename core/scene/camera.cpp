@@ -1,0 +1,71 @@
+#include "scene/camera.h"
+
+#include <stdexcept>
+
+namespace lajolla {
+
+namespace {
+
+constexpr float degrees = pi / 180;
+
+// Half the width of the picture at unit distance.
+float half_width_of(float fov, FovAxis axis, float aspect) {
+    const float half = std::tan(fov * degrees / 2);
+    switch (axis) {
+    case FovAxis::y: return half * aspect;
+    case FovAxis::diagonal: return half / std::sqrt(1 + 1 / sqr(aspect));
+    case FovAxis::smaller: return aspect > 1 ? half * aspect : half;
+    case FovAxis::larger: return aspect > 1 ? half : half * aspect;
+    default: return half;
+    }
+}
+
+// A unit-length world ray whose clipping distances were given along camera space directions of length
+// `stretch`.
+Ray world_ray(const Transform &to_world, Vec3f origin, Vec3f direction, float near, float far) {
+    const Vec3f d = to_world.vector(direction);
+    const float stretch = length(d);
+    return {to_world.point(origin), d / stretch, near * stretch, far * stretch};
+}
+
+void require_clip_range(float near, float far) {
+    if (!(near < far)) throw std::invalid_argument("near_clip must be smaller than far_clip");
+}
+
+} // namespace
+
+void Perspective::build(float aspect, float width) {
+    require_clip_range(near_clip, far_clip);
+    if (!inverse(to_world)) throw std::invalid_argument("to_world of the sensor is singular");
+    half_width = half_width_of(fov, fov_axis, aspect);
+    half_height = half_width / aspect;
+    pixel = half_width / width; // half a pixel's width: the radius of its beam at unit distance
+}
+
+CameraRay Perspective::leave(Vec3f origin, Vec3f direction) const {
+    // `direction` has z = 1, so that the clipping distances are along z. Cones are in units of a unit-length
+    // ray.
+    return {world_ray(to_world, origin, direction, near_clip, far_clip), {0, pixel / length(direction)}};
+}
+
+CameraRay Perspective::generate(Vec2f film, Vec2f) const { return leave(Vec3f(0), through(film)); }
+
+CameraRay ThinLens::generate(Vec2f film, Vec2f lens) const {
+    const Vec2f p = sample_disk(lens) * aperture_radius;
+    const Vec3f origin{p.x, p.y, 0}, focus = through(film) * focus_distance;
+    return leave(origin, (focus - origin) / focus_distance);
+}
+
+void Orthographic::build(float aspect, float width) {
+    require_clip_range(near_clip, far_clip);
+    if (!inverse(to_world)) throw std::invalid_argument("to_world of the sensor is singular");
+    aspect_ = aspect;
+    pixel_ = length(to_world.axis(0)) / width;
+}
+
+CameraRay Orthographic::generate(Vec2f film, Vec2f) const {
+    const Vec3f origin{1 - 2 * film.x, (1 - 2 * film.y) / aspect_, 0};
+    return {world_ray(to_world, origin, {0, 0, 1}, near_clip, far_clip), {pixel_, 0}};
+}
+
+} // namespace lajolla

@@ -1,0 +1,73 @@
+#pragma once
+// Rays, and what is known of the point that a ray hits.
+
+#include <cstdint>
+
+#include "base/frame.h"
+
+namespace lajolla {
+
+struct Ray {
+    Vec3f origin, direction; // directions are of unit length but for shadow segments
+    float near = 0, far = infinity;
+};
+
+// What the ray tracer finds: enough to compute everything else.
+struct RayHit {
+    float distance;
+    float b1, b2; // barycentrics of triangles
+    std::uint32_t shape, primitive;
+};
+
+// The footprint of a pixel's beam, followed as a cone (Akenine-Möller et al. 2021, "Improved Shader and
+// Texture Level of Detail Using Ray Cones").
+struct RayCone {
+    float radius = 0; // at the ray's origin
+    float spread = 0; // growth of the radius per unit of distance
+
+    RayCone at(float distance) const { return {std::abs(radius + spread * distance), spread}; }
+
+    // After a bounce off, or through, a surface of this curvature and roughness; eta as in BsdfSample. A
+    // rough surface opens the cone to about a fifth of a radian.
+    RayCone scattered(float mean_curvature, float roughness, float eta) const {
+        const bool reflected = eta == 1;
+        const float bent = 2 * mean_curvature * radius;
+        const float mirror = reflected ? spread + bent : spread / eta + bent * (1 / eta - 1) / 2;
+        return {radius, lerp(roughness, mirror, 0.2f)};
+    }
+};
+
+// A vertex of a path on a surface.
+struct Hit {
+    Vec3f position;
+    Vec3f normal; // geometric, on the side that the shape's orientation calls front
+    Frame frame;  // shading frame; s follows dp_du
+    Vec3f dp_du, dp_dv;
+    Vec2f barycentric, uv;
+    float distance;       // along the ray that found it
+    float position_error; // how far the true surface may be from `position`
+    float
+        mean_curvature; // of the shading normals' surface; positive where it bulges towards the normal's side
+    RayCone footprint;
+    std::uint32_t shape, primitive;
+    std::int32_t material, emitter;  // -1 for none
+    std::int32_t interior, exterior; // media, -1 for none
+
+    // The radius of the footprint in texture space.
+    float uv_footprint() const {
+        const float scale = std::max(length_squared(dp_du), length_squared(dp_dv));
+        return scale > 0 ? footprint.radius / std::sqrt(scale) : 0;
+    }
+};
+
+// Where a ray that leaves a hit must start so that it does not find the same surface again: beyond the error
+// of the position, measured in ulps of its coordinates, on the side to which the ray goes.
+inline Vec3f leave(const Hit &hit, Vec3f direction) {
+    return hit.position + hit.normal * std::copysign(hit.position_error, dot(hit.normal, direction));
+}
+
+// The largest coordinates that entered a position, in units of 32 ulps: intersection and interpolation each
+// lose a few ulps of the coordinates and of the extent of the primitive.
+inline float position_error(float largest_coordinate) { return largest_coordinate * 0x1p-18f; }
+
+} // namespace lajolla

@@ -1,0 +1,291 @@
+#include "scene/lights.h"
+
+#include <stdexcept>
+
+namespace lajolla {
+
+namespace {
+
+constexpr float degrees = pi / 180;
+
+// Uniform in the cone under which a sphere is seen from outside it (Shirley, Wang and Zimmerman 1996). The
+// cone's height 1 - cos is computed from the sine, because a far sphere's cosine rounds to one.
+struct SphereCone {
+    Vec3f axis;
+    float distance, height;
+};
+
+std::optional<SphereCone> cone_towards(const Sphere &sphere, Vec3f p) {
+    const Vec3f to_center = sphere.center - p;
+    const float squared = length_squared(to_center), sin_squared = sqr(sphere.radius) / squared;
+    if (sin_squared >= 1 - 1e-5f) return std::nullopt; // inside, or so near that the cone is a half space
+    const float distance = std::sqrt(squared);
+    return SphereCone{to_center / distance, distance, sin_squared / (1 + std::sqrt(1 - sin_squared))};
+}
+
+std::optional<SurfaceSample> sample_cone_of(const Sphere &sphere, const SphereCone &cone, Vec2f u) {
+    const Vec3f local = sample_cone(u, cone.height);
+    // The near intersection by its angle seen from the sphere's centre (Pharr, Jakob and Humphreys, 4th
+    // ed., 6.2.4).
+    const float sin_squared = std::max(1 - sqr(local.z), 0.0f);
+    const float sin_max = sphere.radius / cone.distance;
+    const float along =
+        cone.distance * local.z - safe_sqrt(sqr(sphere.radius) - sqr(cone.distance) * sin_squared);
+    const float cos_alpha =
+        (sqr(cone.distance) + sqr(sphere.radius) - sqr(along)) / (2 * cone.distance * sphere.radius);
+    const float sin_alpha = safe_sqrt(1 - sqr(cos_alpha));
+    const float r = std::sqrt(sqr(local.x) + sqr(local.y));
+    const Vec2f around = r > 0 ? Vec2f{local.x / r, local.y / r} : Vec2f{1, 0};
+    const Frame frame = frame_around(-cone.axis);
+    if (!(sin_max > 0)) return std::nullopt;
+    return sphere.at(frame.to_world({sin_alpha * around.x, sin_alpha * around.y, std::min(cos_alpha, 1.0f)}));
+}
+
+DirectSample towards(Vec3f p, const SurfaceSample &point) {
+    const Vec3f to_light = point.position - p;
+    const float distance = length(to_light);
+    const Vec3f wi = to_light / distance;
+    const Vec3f target =
+        point.position - point.normal * std::copysign(point.position_error, dot(point.normal, wi));
+    return {wi, distance, target, Spectrum(0), 0};
+}
+
+} // namespace
+
+// Area
+// ---------------------------------------------------------------------------------------------------------------
+
+float AreaLight::power(std::span<const TextureModel> textures, const BoundingSphere &) const {
+    // A textured light counts with its mean over a grid of texture space: power only steers the picking.
+    constexpr int grid = 16;
+    float sum = 0;
+    for (int j = 0; j < grid; ++j)
+        for (int i = 0; i < grid; ++i) {
+            const Vec2f uv{(static_cast<float>(i) + 0.5f) / grid, (static_cast<float>(j) + 0.5f) / grid};
+            sum += luminance(TextureReader(textures, uv, 1.0f / grid)(radiance));
+        }
+    const float area = match(*shape, [](const auto &s) { return s.area(); });
+    return pi * area * sum / (grid * grid);
+}
+
+std::optional<DirectSample> AreaLight::sample_direct(Vec3f p, float u_primitive, Vec2f u,
+                                                     std::span<const TextureModel> textures) const {
+    const auto *sphere = std::get_if<Sphere>(shape);
+    const auto cone = sphere ? cone_towards(*sphere, p) : std::nullopt;
+    const auto point =
+        cone ? sample_cone_of(*sphere, *cone, u)
+             : match(*shape, [&](const auto &s) { return std::optional(s.sample(u_primitive, u)); });
+    if (!point) return std::nullopt;
+    DirectSample sample = towards(p, *point);
+    const float cosine = -dot(sample.wi, point->normal);
+    if (!(cosine > 0)) return std::nullopt; // seen from behind
+    sample.pdf = cone ? cone_pdf(cone->height) : point->area_pdf * sqr(sample.distance) / cosine;
+    sample.radiance = TextureReader(textures, point->uv, 0)(radiance);
+    return sample;
+}
+
+float AreaLight::pdf_hit(Vec3f p, const Hit &hit, Vec3f wi) const {
+    if (const auto *sphere = std::get_if<Sphere>(shape))
+        if (const auto cone = cone_towards(*sphere, p)) return cone_pdf(cone->height);
+    const float cosine = std::abs(dot(wi, hit.normal));
+    const float area = match(*shape, [](const auto &s) { return s.area(); });
+    return cosine > 0 ? length_squared(hit.position - p) / (area * cosine) : 0;
+}
+
+// Environment map
+// ----------------------------------------------------------------------------------------------------
+
+namespace {
+
+// The integral of the bilinear interpolation over a texel: 1/8, 6/8, 1/8 of its neighbours along either axis.
+// It vanishes only where the interpolated radiance does.
+Spectrum mean_over_texel(const Image &image, std::uint32_t x, std::uint32_t y) {
+    const std::array columns{(x + image.width - 1) % image.width, x, (x + 1) % image.width};
+    const std::array rows{y == 0 ? 0 : y - 1, y, std::min(y + 1, image.height - 1)};
+    constexpr std::array share{0.125f, 0.75f, 0.125f};
+    Spectrum sum(0);
+    for (std::size_t j = 0; j < 3; ++j)
+        for (std::size_t i = 0; i < 3; ++i) sum += image.texel(columns[i], rows[j]) * (share[i] * share[j]);
+    return sum;
+}
+
+} // namespace
+
+void EnvironmentMap::build() {
+    if (!image || image->width == 0 || image->height == 0)
+        throw std::invalid_argument("an envmap needs an image");
+    const auto inverted = inverse(to_world);
+    if (!inverted || !uniform_scale(to_world))
+        throw std::invalid_argument(
+            "to_world of an envmap must be a rotation, without shear or uneven scaling");
+    to_local_ = *inverted;
+    const std::uint32_t width = image->width, height = image->height;
+    std::vector<float> weights(static_cast<std::size_t>(width) * height);
+    double sum = 0;
+    for (std::uint32_t y = 0; y < height; ++y) {
+        const float low = pi * static_cast<float>(y) / static_cast<float>(height);
+        const float high = pi * static_cast<float>(y + 1) / static_cast<float>(height);
+        const float band = std::cos(low) - std::cos(high); // solid angle of the row over 2 pi
+        for (std::uint32_t x = 0; x < width; ++x) {
+            const float weight = std::max(luminance(mean_over_texel(*image, x, y)), 0.0f) * band;
+            weights[static_cast<std::size_t>(y) * width + x] = weight;
+            sum += weight;
+        }
+    }
+    mean_radiance_ = static_cast<float>(sum / (2.0 * width));
+    distribution_ = Distribution2D(weights, width, height);
+}
+
+float EnvironmentMap::power(std::span<const TextureModel>, const BoundingSphere &scene) const {
+    return 4 * pi * pi * sqr(scene.radius) * scale * mean_radiance_;
+}
+
+Vec2f EnvironmentMap::to_square(Vec3f direction) const {
+    const Vec3f d = normalize(to_local_.vector(direction));
+    const float u = std::atan2(d.x, -d.z) * (0.5f * inv_pi);
+    const float v = std::atan2(std::sqrt(d.x * d.x + d.z * d.z), d.y) * inv_pi;
+    return {u < 0 ? u + 1 : u, v};
+}
+
+Spectrum EnvironmentMap::look_up(Vec2f uv) const {
+    const auto width = static_cast<std::int32_t>(image->width),
+               height = static_cast<std::int32_t>(image->height);
+    const float x = uv.x * static_cast<float>(width) - 0.5f, y = uv.y * static_cast<float>(height) - 0.5f;
+    const float floor_x = std::floor(x), floor_y = std::floor(y);
+    const auto texel = [&](std::int32_t i, std::int32_t j) {
+        const std::int32_t column = i < 0 ? i + width : i >= width ? i - width : i;
+        return image->texel(static_cast<std::uint32_t>(column),
+                            static_cast<std::uint32_t>(std::clamp(j, 0, height - 1)));
+    };
+    const auto i = static_cast<std::int32_t>(floor_x), j = static_cast<std::int32_t>(floor_y);
+    return lerp(y - floor_y, lerp(x - floor_x, texel(i, j), texel(i + 1, j)),
+                lerp(x - floor_x, texel(i, j + 1), texel(i + 1, j + 1))) *
+           scale;
+}
+
+Spectrum EnvironmentMap::emitted(Vec3f direction) const { return look_up(to_square(direction)); }
+
+std::optional<DirectSample> EnvironmentMap::sample_direct(Vec3f, float, Vec2f u,
+                                                          std::span<const TextureModel>) const {
+    const auto [uv, density] = distribution_.sample(u);
+    const float theta = pi * uv.y, phi = 2 * pi * uv.x, sin_theta = std::sin(theta);
+    if (!(sin_theta > 0) || !(density > 0)) return std::nullopt;
+    const Vec3f local{std::sin(phi) * sin_theta, std::cos(theta), -std::cos(phi) * sin_theta};
+    const float pdf = density / (2 * pi * pi * sin_theta);
+    return DirectSample{normalize(to_world.vector(local)), infinity, {}, look_up(uv), pdf};
+}
+
+float EnvironmentMap::pdf_direction(Vec3f wi) const {
+    const Vec2f uv = to_square(wi);
+    const float sin_theta = std::sin(pi * uv.y);
+    return sin_theta > 0 ? distribution_.pdf(uv) / (2 * pi * pi * sin_theta) : 0;
+}
+
+// Point, directional, spot
+// -------------------------------------------------------------------------------------------
+
+std::optional<DirectSample> PointLight::sample_direct(Vec3f p, float, Vec2f,
+                                                      std::span<const TextureModel>) const {
+    const Vec3f to_light = position - p;
+    const float squared = length_squared(to_light), distance = std::sqrt(squared);
+    if (!(squared > 0)) return std::nullopt;
+    return DirectSample{to_light / distance, distance, position, intensity / squared, 1, true};
+}
+
+void DirectionalLight::build() {
+    if (!(length(direction) > 0))
+        throw std::invalid_argument("direction of a directional light has no length");
+    direction = normalize(direction);
+}
+
+void SpotLight::build() {
+    if (beam_width < 0) beam_width = 0.75f * cutoff_angle;
+    if (beam_width > cutoff_angle) throw std::invalid_argument("beam_width is larger than cutoff_angle");
+    axes = frame_around(normalize(to_world.vector({0, 0, 1})));
+}
+
+float SpotLight::falloff(float cos_angle) const {
+    const float angle = std::acos(std::clamp(cos_angle, -1.0f, 1.0f)) / degrees;
+    if (angle <= beam_width) return 1;
+    return angle >= cutoff_angle ? 0 : (cutoff_angle - angle) / (cutoff_angle - beam_width);
+}
+
+float SpotLight::power(std::span<const TextureModel>, const BoundingSphere &) const {
+    constexpr int steps = 256; // midpoint rule over the cone
+    const float last = cutoff_angle * degrees;
+    float sum = 0;
+    for (int i = 0; i < steps; ++i) {
+        const float angle = (static_cast<float>(i) + 0.5f) * last / steps;
+        sum += falloff(std::cos(angle)) * std::sin(angle);
+    }
+    return 2 * pi * luminance(intensity) * sum * last / steps;
+}
+
+std::optional<DirectSample> SpotLight::sample_direct(Vec3f p, float, Vec2f,
+                                                     std::span<const TextureModel>) const {
+    const Vec3f to_light = to_world.origin() - p;
+    const float squared = length_squared(to_light), distance = std::sqrt(squared);
+    if (!(squared > 0)) return std::nullopt;
+    const float shine = falloff(-dot(to_light, axes.n) / distance);
+    if (shine <= 0) return std::nullopt;
+    return DirectSample{to_light / distance,           distance, to_world.origin(),
+                        intensity * (shine / squared), 1,        true};
+}
+
+// Picking
+// ------------------------------------------------------------------------------------------------------------
+
+LightPicker::LightPicker(std::span<const Light> lights, std::span<const TextureModel> textures,
+                         const BoundingSphere &scene)
+    : lights_(lights), textures_(textures) {
+    std::vector<float> powers;
+    for (std::uint32_t i = 0; i < lights.size(); ++i)
+        match(lights[i], [&](const auto &light) {
+            powers.push_back(light.power(textures, scene));
+            if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) {
+                if (environment_ >= 0)
+                    throw std::invalid_argument("a scene has one environment emitter at most");
+                environment_ = static_cast<std::int32_t>(i);
+            }
+        });
+    powers_ = Distribution(powers);
+}
+
+std::optional<DirectSample> LightPicker::sample_direct(Vec3f p, float u_pick, Vec2f u) const {
+    const auto pick = powers_.sample(u_pick);
+    auto sample = match(lights_[pick.index],
+                        [&](const auto &light) { return light.sample_direct(p, pick.rest, u, textures_); });
+    if (sample && sample->delta) sample->radiance *= 1 / pick.probability;
+    else if (sample) sample->pdf *= pick.probability;
+    return sample;
+}
+
+float LightPicker::pdf_hit(Vec3f p, const Hit &hit, Vec3f wi) const {
+    const auto &light = std::get<AreaLight>(lights_[static_cast<std::size_t>(hit.emitter)]);
+    return powers_.probability(static_cast<std::uint32_t>(hit.emitter)) * light.pdf_hit(p, hit, wi);
+}
+
+float LightPicker::pdf_environment(Vec3f wi) const {
+    if (environment_ < 0) return 0;
+    const auto index = static_cast<std::uint32_t>(environment_);
+    return powers_.probability(index) * match(lights_[index], [&](const auto &light) {
+               if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) return light.pdf_direction(wi);
+               else return 0.0f;
+           });
+}
+
+Spectrum LightPicker::emitted(const Hit &hit, Vec3f wo) const {
+    return hit.emitter < 0 ? Spectrum(0)
+                           : std::get<AreaLight>(lights_[static_cast<std::size_t>(hit.emitter)])
+                                 .emitted(hit, wo, textures_);
+}
+
+Spectrum LightPicker::environment(Vec3f direction) const {
+    if (environment_ < 0) return Spectrum(0);
+    return match(lights_[static_cast<std::size_t>(environment_)], [&](const auto &light) {
+        if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) return light.emitted(direction);
+        else return Spectrum(0);
+    });
+}
+
+} // namespace lajolla

@@ -1,0 +1,42 @@
+#pragma once
+// Triangle meshes as arrays.
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "base/transform.h"
+
+namespace lajolla {
+
+using Triangle = std::array<std::uint32_t, 3>;
+
+struct Mesh {
+    struct Attribute {
+        std::uint32_t channels;
+        bool per_face;
+        std::vector<float> values;
+    };
+
+    std::vector<Vec3f> positions;
+    std::vector<Vec3f> normals; // unit length, one per vertex, or none: then faces are flat
+    std::vector<Vec2f> uvs;     // one per vertex, or none
+    std::vector<Triangle> triangles;
+    std::map<std::string, Attribute> attributes;
+
+    std::size_t bytes() const;
+};
+
+// Throws std::invalid_argument where an array's length or an index does not fit, or a position is not finite.
+void validate(const Mesh &mesh);
+
+Mesh transformed(const Mesh &mesh, const Transform &to_world);
+
+// Vertex normals weighted by the angle at each corner (Thürmer and Wüthrich 1998; compared with others in Max
+// 1999, "Weights for Computing Vertex Normals from Facet Normals"). Faces that meet at a position at more
+// than `max_angle` (radians) keep a sharp edge: their vertices are split.
+Mesh with_smooth_normals(const Mesh &mesh, float max_angle);
+
+} // namespace lajolla

@@ -1,0 +1,110 @@
+#include "scene/scene.h"
+
+namespace lajolla {
+
+namespace {
+
+BoundingSphere bounding_sphere(std::span<const Shape> shapes) {
+    Bounds box;
+    for (const Shape &shape : shapes) box.extend(match(shape, [](const auto &s) { return s.bounds(); }));
+    if (box.empty()) return {};
+    return {(box.low + box.high) * 0.5f, std::max(length(box.high - box.low) / 2, 1e-6f)};
+}
+
+} // namespace
+
+Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter) {
+    for (std::size_t i = 0; i < parts_.shapes.size(); ++i) {
+        const std::int32_t emitter = parts_.slots[i].emitter;
+        if (emitter < 0) continue;
+        auto *light = std::get_if<AreaLight>(&parts_.lights[static_cast<std::size_t>(emitter)]);
+        if (!light) throw std::invalid_argument("only area emitters can be attached to shapes");
+        if (light->shape) throw std::invalid_argument("two shapes share one area emitter");
+        light->shape = &parts_.shapes[i];
+        match(parts_.shapes[i], [](auto &shape) { shape.prepare_sampling(); });
+    }
+    for (const Light &light : parts_.lights)
+        if (const auto *area = std::get_if<AreaLight>(&light); area && !area->shape)
+            throw std::invalid_argument("an area emitter needs a shape");
+
+    for (const Bsdf &bsdf : parts_.bsdfs) transmissive_.push_back(is_transmissive(bsdf));
+    for (const Material &material : parts_.materials)
+        has_passages_ |= !(material.opacity == Texture<float>(1)) ||
+                         (material.front >= 0 && std::holds_alternative<Null>(
+                                                     parts_.bsdfs[static_cast<std::size_t>(material.front)]));
+
+    match(parts_.camera,
+          [&](auto &camera) { camera.build(parts_.film.aspect(), static_cast<float>(parts_.film.width)); });
+    picker_ = LightPicker(parts_.lights, parts_.textures, bounding_sphere(parts_.shapes));
+    accel_.emplace(parts_.shapes);
+}
+
+Hit Scene::hit(const Ray &ray, const RayHit &found, const RayCone &cone) const {
+    Hit hit;
+    hit.distance = found.distance;
+    hit.footprint = cone.at(found.distance);
+    hit.shape = found.shape;
+    hit.primitive = found.primitive;
+    const ShapeSlot &slot = parts_.slots[found.shape];
+    hit.material = slot.material;
+    hit.emitter = slot.emitter;
+    hit.interior = slot.interior;
+    hit.exterior = slot.exterior;
+    match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, hit); });
+    return hit;
+}
+
+std::optional<Surface> Scene::surface(const Hit &hit, Vec3f wo) const {
+    if (hit.material < 0) return std::nullopt;
+    const Material &material = parts_.materials[static_cast<std::size_t>(hit.material)];
+    Frame frame = hit.frame;
+    std::int32_t side = material.front;
+    if (dot(frame.n, wo) < 0 && (side < 0 || !transmissive_[static_cast<std::size_t>(side)])) {
+        side = material.back;
+        frame = {frame.s, -frame.t, -frame.n};
+    }
+    if (side < 0) return std::nullopt;
+    return Surface{frame, frame.to_local(wo),
+                   prepare(parts_.bsdfs[static_cast<std::size_t>(side)], reader(hit))};
+}
+
+float Scene::passage(const Hit &hit) const {
+    if (!has_passages_ || hit.material < 0) return 0;
+    const Material &material = parts_.materials[static_cast<std::size_t>(hit.material)];
+    if (material.front >= 0 &&
+        std::holds_alternative<Null>(parts_.bsdfs[static_cast<std::size_t>(material.front)]))
+        return 1;
+    return std::clamp(1 - reader(hit)(material.opacity), 0.0f, 1.0f);
+}
+
+const Bitmap *Scene::first_bitmap(const Hit &hit) const {
+    const Bitmap *result = nullptr;
+    if (hit.material < 0) return result;
+    const std::int32_t front = parts_.materials[static_cast<std::size_t>(hit.material)].front;
+    if (front < 0) return result;
+    const auto look_at = [&](const auto &value) {
+        if constexpr (requires { value.id; })
+            if (!result && value.id >= 0)
+                result = std::get_if<Bitmap>(&parts_.textures[static_cast<std::size_t>(value.id)]);
+    };
+    match(parts_.bsdfs[static_cast<std::size_t>(front)], [&](const auto &bsdf) {
+        for_each_field<std::decay_t<decltype(bsdf)>>([&](const auto &field) { look_at(bsdf.*field.member); });
+    });
+    return result;
+}
+
+std::size_t Scene::bytes() const {
+    std::size_t sum = 0;
+    for (const Shape &shape : parts_.shapes)
+        if (const auto *mesh = std::get_if<TriangleMesh>(&shape)) sum += mesh->mesh->bytes();
+    for (const TextureModel &texture : parts_.textures)
+        if (const auto *bitmap = std::get_if<Bitmap>(&texture)) {
+            sum += bitmap->image->bytes();
+            for (const Image &level : bitmap->levels) sum += level.bytes();
+        }
+    for (const Light &light : parts_.lights)
+        if (const auto *map = std::get_if<EnvironmentMap>(&light)) sum += map->image->bytes();
+    return sum;
+}
+
+} // namespace lajolla

@@ -1,0 +1,337 @@
+#include "scene/shapes.h"
+
+#include <cmath>
+#include <stdexcept>
+
+namespace lajolla {
+
+namespace {
+
+float largest(Vec3f v) { return max_component(abs(v)); }
+
+float similarity_scale(const Transform &t, const char *shape) {
+    const auto scale = uniform_scale(t);
+    if (!scale)
+        throw std::invalid_argument(std::string("to_world of a ") + shape +
+                                    " must scale alike in all directions, without shear");
+    return *scale;
+}
+
+float turns(float y, float x) { // the angle of (x, y) in [0, 2 pi)
+    const float phi = std::atan2(y, x);
+    return phi < 0 ? phi + 2 * pi : phi;
+}
+
+// The normal of a flat shape whose plane is z = 0 before to_world.
+Vec3f plane_normal(const Transform &to_object, bool flip) {
+    const Vec3f n = normalize(to_object.transposed_vector({0, 0, 1}));
+    return flip ? -n : n;
+}
+
+Transform invertible(const Transform &t) {
+    const auto result = inverse(t);
+    if (!result) throw std::invalid_argument("to_world is singular: it flattens the shape");
+    return *result;
+}
+
+} // namespace
+
+// Mesh
+// ---------------------------------------------------------------------------------------------------------------
+
+void TriangleMesh::build() {
+    if (!mesh) throw std::invalid_argument("a mesh shape needs a mesh");
+    validate(*mesh);
+    const bool has_room =
+        mesh->positions.capacity() > mesh->positions.size(); // for the ray tracer, see accel.cpp
+    if (!(to_world == Transform{}) || !has_room) {
+        Mesh placed = transformed(*mesh, to_world);
+        placed.positions.reserve(placed.positions.size() + 2);
+        mesh = std::make_shared<const Mesh>(std::move(placed));
+        to_world = Transform{};
+    }
+    for (const Vec3f &p : mesh->positions) box.extend(p);
+}
+
+void TriangleMesh::prepare_sampling() {
+    std::vector<float> weights(mesh->triangles.size());
+    for (std::uint32_t i = 0; i < weights.size(); ++i) {
+        const auto [a, b, c] = corners(i);
+        weights[i] = length(cross(b - a, c - a)) / 2;
+    }
+    areas = Distribution(weights);
+}
+
+void TriangleMesh::fill(const Ray &, const RayHit &found, Hit &hit) const {
+    const Triangle &t = mesh->triangles[found.primitive];
+    const Vec3f a = mesh->positions[t[0]], b = mesh->positions[t[1]], c = mesh->positions[t[2]];
+    const Vec3f e1 = b - a, e2 = c - a;
+    const float b1 = found.b1, b2 = found.b2, b0 = 1 - b1 - b2;
+    hit.position = a * b0 + b * b1 + c * b2;
+    hit.position_error = position_error(std::max({largest(a), largest(b), largest(c)}));
+
+    const Vec3f scaled_normal = cross(e1, e2);
+    const float area_squared = length_squared(scaled_normal);
+    Vec3f normal = scaled_normal * (1 / std::sqrt(area_squared));
+    Vec3f shading = normal;
+    hit.mean_curvature = 0;
+    if (has_normals()) {
+        const Vec3f n0 = mesh->normals[t[0]], n1 = mesh->normals[t[1]], n2 = mesh->normals[t[2]];
+        const Vec3f sum = n0 * b0 + n1 * b1 + n2 * b2;
+        const float squared = length_squared(sum);
+        if (squared > 0) {
+            const float inverse_length = 1 / std::sqrt(squared);
+            shading = sum * inverse_length;
+            if (dot(shading, normal) < 0)
+                normal = -normal; // windings vary between files, vertex normals are meant
+            // Half the trace of the map from steps on the triangle to changes of the normal, in the dual
+            // basis of e1, e2.
+            const Vec3f dual1 = cross(e2, scaled_normal), dual2 = cross(scaled_normal, e1);
+            hit.mean_curvature =
+                (dot(n1 - n0, dual1) + dot(n2 - n0, dual2)) * inverse_length / (2 * area_squared);
+        }
+    }
+    if (flip_normals) {
+        normal = -normal, shading = -shading;
+        hit.mean_curvature = -hit.mean_curvature;
+    }
+    hit.normal = normal;
+
+    hit.barycentric = hit.uv = {b1, b2};
+    hit.dp_du = e1, hit.dp_dv = e2;
+    if (!mesh->uvs.empty()) {
+        const Vec2f uv0 = mesh->uvs[t[0]], d1 = mesh->uvs[t[1]] - uv0, d2 = mesh->uvs[t[2]] - uv0;
+        hit.uv = uv0 + d1 * b1 + d2 * b2;
+        const float det = d1.x * d2.y - d1.y * d2.x;
+        if (det != 0) {
+            hit.dp_du = (e1 * d2.y - e2 * d1.y) * (1 / det);
+            hit.dp_dv = (e2 * d1.x - e1 * d2.x) * (1 / det);
+        }
+    }
+    hit.frame = frame_along(shading, hit.dp_du);
+}
+
+SurfaceSample TriangleMesh::sample(float u_triangle, Vec2f u) const {
+    const auto chosen = areas.sample(u_triangle);
+    const Triangle &t = mesh->triangles[chosen.index];
+    const auto [a, b, c] = corners(chosen.index);
+    const Vec2f b12 = sample_triangle(u);
+    const float b0 = 1 - b12.x - b12.y;
+    Vec3f normal = normalize(cross(b - a, c - a));
+    if (has_normals() &&
+        dot(normal, mesh->normals[t[0]] * b0 + mesh->normals[t[1]] * b12.x + mesh->normals[t[2]] * b12.y) < 0)
+        normal = -normal;
+    const Vec2f uv =
+        mesh->uvs.empty() ? b12 : mesh->uvs[t[0]] * b0 + mesh->uvs[t[1]] * b12.x + mesh->uvs[t[2]] * b12.y;
+    return {a * b0 + b * b12.x + c * b12.y, flip_normals ? -normal : normal, uv,
+            position_error(std::max({largest(a), largest(b), largest(c)})), 1 / areas.sum()};
+}
+
+// Sphere
+// -------------------------------------------------------------------------------------------------------------
+
+void Sphere::build() {
+    radius *= similarity_scale(to_world, "sphere");
+    if (!(radius > 0)) throw std::invalid_argument("a sphere needs a radius above zero");
+    center = to_world.point(center);
+    axes = {normalize(to_world.axis(0)), normalize(to_world.axis(1)), normalize(to_world.axis(2))};
+    to_world = Transform{};
+}
+
+std::optional<float> Sphere::intersect(const Ray &ray) const {
+    // The discriminant from the distance between centre and ray, which does not cancel for distant or large
+    // spheres (Haines et al. 2019, "Precision Improvements for Ray/Sphere Intersection").
+    const Vec3f f = ray.origin - center;
+    const float a = length_squared(ray.direction), b = -dot(f, ray.direction);
+    const Vec3f closest = f + ray.direction * (b / a);
+    const float discriminant = radius * radius - length_squared(closest);
+    if (discriminant < 0) return std::nullopt;
+    const float c = (length(f) - radius) * (length(f) + radius);
+    const float q = b + std::copysign(std::sqrt(a * discriminant), b);
+    const float t0 = std::min(c / q, q / a), t1 = std::max(c / q, q / a);
+    if (t0 > ray.near && t0 < ray.far) return t0;
+    if (t1 > ray.near && t1 < ray.far) return t1;
+    return std::nullopt;
+}
+
+void Sphere::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
+    const Vec3f outward = normalize(ray.origin + ray.direction * found.distance - center);
+    const SurfaceSample point = at(outward);
+    const Vec3f local = axes.to_local(outward);
+    const float r = std::sqrt(local.x * local.x + local.y * local.y);
+    const float cos_phi = r > 0 ? local.x / r : 1, sin_phi = r > 0 ? local.y / r : 0;
+    hit.position = point.position;
+    hit.position_error = point.position_error;
+    hit.normal = point.normal;
+    hit.uv = hit.barycentric = point.uv;
+    // uv = (phi / 2 pi, theta / pi) in spherical coordinates around the third axis
+    hit.dp_du = axes.to_world(Vec3f{-sin_phi * r, cos_phi * r, 0} * (2 * pi * radius));
+    hit.dp_dv = axes.to_world(Vec3f{local.z * cos_phi, local.z * sin_phi, -r} * (pi * radius));
+    hit.frame = frame_along(hit.normal, r > 0 ? hit.dp_du : axes.t);
+    hit.mean_curvature = (flip_normals ? -1 : 1) / radius;
+}
+
+SurfaceSample Sphere::at(Vec3f direction) const {
+    const Vec3f local = axes.to_local(direction);
+    // atan2 keeps its precision at the poles, where acos loses half the digits
+    const float theta = std::atan2(std::sqrt(local.x * local.x + local.y * local.y), local.z);
+    return {center + direction * radius,
+            flip_normals ? -direction : direction,
+            {turns(local.y, local.x) / (2 * pi), theta * inv_pi},
+            error(),
+            1 / area()};
+}
+
+// Rectangle
+// ----------------------------------------------------------------------------------------------------------
+
+void Rectangle::build() { normal = plane_normal(invertible(to_world), flip_normals); }
+
+std::array<Vec3f, 4> Rectangle::corners() const {
+    return {to_world.point({-1, -1, 0}), to_world.point({1, -1, 0}), to_world.point({1, 1, 0}),
+            to_world.point({-1, 1, 0})};
+}
+
+Bounds Rectangle::bounds() const {
+    Bounds box;
+    for (const Vec3f &corner : corners()) box.extend(corner);
+    return box;
+}
+
+float Rectangle::error() const {
+    return position_error(largest(to_world.origin()) + largest(to_world.axis(0)) + largest(to_world.axis(1)));
+}
+
+void Rectangle::fill(const Ray &, const RayHit &found, Hit &hit) const {
+    // Triangles (0, 1, 2) and (0, 2, 3) of corners().
+    hit.uv =
+        found.primitive == 0 ? Vec2f{found.b1 + found.b2, found.b2} : Vec2f{found.b1, found.b1 + found.b2};
+    hit.barycentric = {found.b1, found.b2};
+    hit.position = to_world.point({2 * hit.uv.x - 1, 2 * hit.uv.y - 1, 0});
+    hit.position_error = error();
+    hit.normal = normal;
+    hit.dp_du = to_world.axis(0) * 2;
+    hit.dp_dv = to_world.axis(1) * 2;
+    hit.frame = frame_along(normal, hit.dp_du);
+    hit.mean_curvature = 0;
+}
+
+SurfaceSample Rectangle::sample(float, Vec2f u) const {
+    return {to_world.point({2 * u.x - 1, 2 * u.y - 1, 0}), normal, u, error(), 1 / area()};
+}
+
+// Disk
+// ---------------------------------------------------------------------------------------------------------------
+
+void Disk::build() {
+    to_object = invertible(to_world);
+    normal = plane_normal(to_object, flip_normals);
+}
+
+Bounds Disk::bounds() const {
+    const auto reach = [&](std::size_t row) { return std::hypot(to_world.m[row][0], to_world.m[row][1]); };
+    const Vec3f extent{reach(0), reach(1), reach(2)};
+    return {to_world.origin() - extent, to_world.origin() + extent};
+}
+
+std::optional<float> Disk::intersect(const Ray &ray) const {
+    const Vec3f o = to_object.point(ray.origin), d = to_object.vector(ray.direction);
+    const float t = -o.z / d.z;
+    const float x = o.x + t * d.x, y = o.y + t * d.y;
+    if (!(t > ray.near && t < ray.far) || !(x * x + y * y <= 1)) return std::nullopt;
+    return t;
+}
+
+void Disk::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
+    const Vec3f p = to_object.point(ray.origin + ray.direction * found.distance);
+    const float r = std::hypot(p.x, p.y);
+    const float cos_phi = r > 0 ? p.x / r : 1, sin_phi = r > 0 ? p.y / r : 0;
+    hit.position = to_world.point({p.x, p.y, 0});
+    hit.position_error =
+        position_error(largest(to_world.origin()) + largest(to_world.axis(0)) + largest(to_world.axis(1)));
+    hit.normal = normal;
+    hit.uv = hit.barycentric = {r, turns(p.y, p.x) / (2 * pi)};
+    hit.dp_du = to_world.vector({cos_phi, sin_phi, 0});
+    hit.dp_dv = to_world.vector(Vec3f{-sin_phi, cos_phi, 0} * (2 * pi * r));
+    hit.frame = frame_along(normal, hit.dp_du);
+    hit.mean_curvature = 0;
+}
+
+SurfaceSample Disk::sample(float, Vec2f u) const {
+    const Vec2f p = sample_disk(u);
+    return {
+        to_world.point({p.x, p.y, 0}),
+        normal,
+        {std::hypot(p.x, p.y), turns(p.y, p.x) / (2 * pi)},
+        position_error(largest(to_world.origin()) + largest(to_world.axis(0)) + largest(to_world.axis(1))),
+        1 / area()};
+}
+
+// Cylinder
+// -----------------------------------------------------------------------------------------------------------
+
+void Cylinder::build() {
+    const float scale = similarity_scale(to_world, "cylinder");
+    height = length(p1 - p0);
+    if (!(height > 0) || !(radius > 0))
+        throw std::invalid_argument("a cylinder needs a height and a radius above zero");
+    const Frame local = frame_around((p1 - p0) / height);
+    axes = {to_world.vector(local.s) / scale, to_world.vector(local.t) / scale,
+            to_world.vector(local.n) / scale};
+    p0 = to_world.point(p0), p1 = to_world.point(p1);
+    radius *= scale, height *= scale;
+    to_world = Transform{};
+}
+
+Bounds Cylinder::bounds() const {
+    const auto reach = [&](float n) { return radius * safe_sqrt(1 - n * n); };
+    const Vec3f extent{reach(axes.n.x), reach(axes.n.y), reach(axes.n.z)};
+    return {min(p0, p1) - extent, max(p0, p1) + extent};
+}
+
+std::optional<float> Cylinder::intersect(const Ray &ray) const {
+    const Vec3f o = axes.to_local(ray.origin - p0), d = axes.to_local(ray.direction);
+    const float a = d.x * d.x + d.y * d.y;
+    if (a == 0) return std::nullopt;
+    // as for the sphere, in the plane across the axis
+    const float b = -(o.x * d.x + o.y * d.y), x = o.x + d.x * (b / a), y = o.y + d.y * (b / a);
+    const float discriminant = radius * radius - (x * x + y * y);
+    if (discriminant < 0) return std::nullopt;
+    const float distance = std::hypot(o.x, o.y), c = (distance - radius) * (distance + radius);
+    const float q = b + std::copysign(std::sqrt(a * discriminant), b);
+    const auto on_tube = [&](float t) {
+        const float z = o.z + t * d.z;
+        return t > ray.near && t < ray.far && z >= 0 && z <= height;
+    };
+    const float t0 = std::min(c / q, q / a), t1 = std::max(c / q, q / a);
+    if (on_tube(t0)) return t0;
+    if (on_tube(t1)) return t1;
+    return std::nullopt;
+}
+
+SurfaceSample Cylinder::at(float phi, float z) const {
+    const Vec3f outward = axes.to_world({std::cos(phi), std::sin(phi), 0});
+    return {p0 + outward * radius + axes.n * z,
+            flip_normals ? -outward : outward,
+            {phi / (2 * pi), z / height},
+            position_error(std::max(largest(p0), largest(p1)) + radius),
+            1 / area()};
+}
+
+void Cylinder::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
+    const Vec3f local = axes.to_local(ray.origin + ray.direction * found.distance - p0);
+    const SurfaceSample point = at(turns(local.y, local.x), std::clamp(local.z, 0.0f, height));
+    const Vec3f outward = flip_normals ? -point.normal : point.normal;
+    hit.position = point.position;
+    hit.position_error = point.position_error;
+    hit.normal = point.normal;
+    hit.uv = hit.barycentric = point.uv;
+    hit.dp_du = cross(axes.n, outward) * (2 * pi * radius);
+    hit.dp_dv = axes.n * height;
+    hit.frame = frame_along(hit.normal, hit.dp_du);
+    hit.mean_curvature = (flip_normals ? -0.5f : 0.5f) / radius;
+}
+
+SurfaceSample Cylinder::sample(float, Vec2f u) const { return at(2 * pi * u.x, u.y * height); }
+
+} // namespace lajolla

@@ -1,0 +1,172 @@
+#pragma once
+// The list of shapes. A shape answers four questions: what encloses it (bounds), what is known at a hit
+// (fill), how points on it are sampled (sample, with its area), and, where it is not made of triangles, where
+// a ray meets it (intersect). All work in world space after build().
+
+#include <memory>
+#include <optional>
+#include <tuple>
+#include <variant>
+
+#include "base/distribution.h"
+#include "base/fields.h"
+#include "base/match.h"
+#include "base/warp.h"
+#include "scene/hit.h"
+#include "scene/mesh.h"
+
+namespace lajolla {
+
+struct Bounds {
+    Vec3f low{infinity}, high{-infinity};
+    void extend(Vec3f p) { low = min(low, p), high = max(high, p); }
+    void extend(const Bounds &b) { low = min(low, b.low), high = max(high, b.high); }
+    bool empty() const { return !(low.x <= high.x); }
+};
+
+// A point chosen on a shape.
+struct SurfaceSample {
+    Vec3f position, normal;
+    Vec2f uv;
+    float position_error;
+    float area_pdf;
+};
+
+struct TriangleMesh {
+    static constexpr const char *name = "mesh";
+    static constexpr const char *doc = "Triangles from arrays or from a file.";
+    std::shared_ptr<const Mesh> mesh;
+    Transform to_world;
+    bool face_normals = false, flip_normals = false;
+    Distribution areas; // over triangles, where the mesh is a light
+    Bounds box;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("mesh", &TriangleMesh::mesh, "vertices and triangles"),
+            field("to_world", &TriangleMesh::to_world, "placement in the scene"),
+            field("face_normals", &TriangleMesh::face_normals, "flat faces: ignore vertex normals"),
+            field("flip_normals", &TriangleMesh::flip_normals, "turn the inside out"));
+    }
+    void build();
+    void prepare_sampling();
+    Bounds bounds() const { return box; }
+    float area() const { return areas.sum(); }
+    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    SurfaceSample sample(float u_triangle, Vec2f u) const;
+    std::array<Vec3f, 3> corners(std::uint32_t triangle) const {
+        const Triangle &t = mesh->triangles[triangle];
+        return {mesh->positions[t[0]], mesh->positions[t[1]], mesh->positions[t[2]]};
+    }
+
+private:
+    bool has_normals() const { return !face_normals && !mesh->normals.empty(); }
+};
+
+struct Sphere {
+    static constexpr const char *name = "sphere";
+    static constexpr const char *doc = "A true sphere; to_world must scale alike in all directions.";
+    Vec3f center{0};
+    float radius = 1;
+    Transform to_world;
+    bool flip_normals = false;
+    Frame axes; // world directions of the texture's axes
+
+    static constexpr auto fields() {
+        return std::tuple(field("center", &Sphere::center, "before to_world"),
+                          field("radius", &Sphere::radius, "before to_world").range(0),
+                          field("to_world", &Sphere::to_world, "placement in the scene"),
+                          field("flip_normals", &Sphere::flip_normals, "turn the inside out"));
+    }
+    void build();
+    void prepare_sampling() {}
+    Bounds bounds() const { return {center - Vec3f(radius), center + Vec3f(radius)}; }
+    float area() const { return 4 * pi * radius * radius; }
+    std::optional<float> intersect(const Ray &ray) const;
+    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    SurfaceSample sample(float, Vec2f u) const { return at(sample_sphere(u)); }
+    // The point in a direction from the centre.
+    SurfaceSample at(Vec3f direction) const;
+
+private:
+    float error() const { return position_error(max_component(abs(center)) + radius); }
+};
+
+struct Rectangle {
+    static constexpr const char *name = "rectangle";
+    static constexpr const char *doc =
+        "The square from (-1, -1, 0) to (1, 1, 0), facing +z, before to_world.";
+    Transform to_world;
+    bool flip_normals = false;
+    Vec3f normal;
+
+    static constexpr auto fields() {
+        return std::tuple(field("to_world", &Rectangle::to_world, "placement in the scene"),
+                          field("flip_normals", &Rectangle::flip_normals, "turn it around"));
+    }
+    void build();
+    void prepare_sampling() {}
+    Bounds bounds() const;
+    float area() const { return 4 * length(cross(to_world.axis(0), to_world.axis(1))); }
+    std::array<Vec3f, 4> corners() const;
+    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    SurfaceSample sample(float, Vec2f u) const;
+
+private:
+    float error() const;
+};
+
+struct Disk {
+    static constexpr const char *name = "disk";
+    static constexpr const char *doc = "The unit disk around the origin, facing +z, before to_world.";
+    Transform to_world;
+    bool flip_normals = false;
+    Transform to_object;
+    Vec3f normal;
+
+    static constexpr auto fields() {
+        return std::tuple(field("to_world", &Disk::to_world, "placement in the scene"),
+                          field("flip_normals", &Disk::flip_normals, "turn it around"));
+    }
+    void build();
+    void prepare_sampling() {}
+    Bounds bounds() const;
+    float area() const { return pi * length(cross(to_world.axis(0), to_world.axis(1))); }
+    std::optional<float> intersect(const Ray &ray) const;
+    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    SurfaceSample sample(float, Vec2f u) const;
+};
+
+struct Cylinder {
+    static constexpr const char *name = "cylinder";
+    static constexpr const char *doc =
+        "An open tube around the axis from p0 to p1; to_world must scale alike in all directions.";
+    Vec3f p0{0, 0, 0}, p1{0, 0, 1};
+    float radius = 1;
+    Transform to_world;
+    bool flip_normals = false;
+    Frame axes; // n along the axis
+    float height = 1;
+
+    static constexpr auto fields() {
+        return std::tuple(field("p0", &Cylinder::p0, "one end of the axis, before to_world"),
+                          field("p1", &Cylinder::p1, "other end of the axis, before to_world"),
+                          field("radius", &Cylinder::radius, "before to_world").range(0),
+                          field("to_world", &Cylinder::to_world, "placement in the scene"),
+                          field("flip_normals", &Cylinder::flip_normals, "normals point inwards"));
+    }
+    void build();
+    void prepare_sampling() {}
+    Bounds bounds() const;
+    float area() const { return 2 * pi * radius * height; }
+    std::optional<float> intersect(const Ray &ray) const;
+    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    SurfaceSample sample(float, Vec2f u) const;
+
+private:
+    SurfaceSample at(float phi, float z) const; // z in [0, height]
+};
+
+using Shape = std::variant<TriangleMesh, Sphere, Rectangle, Disk, Cylinder>;
+
+} // namespace lajolla
