@@ -59,8 +59,14 @@ def _integer(builder: Builder, owner: Node, prop: Property, field: Field) -> int
 
 def _in_range(value: float, prop: Property, field: Field) -> float:
     low, high = _limits(field)
-    if not low <= value <= high:
-        wanted = f"at least {low:g}" if math.isinf(high) else f"between {low:g} and {high:g}"
+    if not low <= value <= high or math.isinf(value):
+        wanted = (
+            "finite"
+            if not math.isfinite(value)
+            else f"at least {low:g}"
+            if math.isinf(high)
+            else f"between {low:g} and {high:g}"
+        )
         raise SceneError(f'"{prop.name}" must be {wanted}, not {value:g}', prop.location)
     return value
 

@@ -64,6 +64,8 @@ def _to_utf8(data: bytes, source: Source, diagnostics: Diagnostics) -> bytes:
 
 def _encoding(data: bytes) -> str | None:
     """The encoding that a byte order mark or the XML declaration names, if any."""
+    if data.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
+        return "utf-32"
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     if data.startswith((b"<\0", b"\0<")):

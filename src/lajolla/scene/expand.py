@@ -144,8 +144,10 @@ def required(element: Element, attribute: str) -> str:
         SceneError: it is missing.
     """
     if attribute not in element.attributes:
-        hint = did_you_mean(attribute, element.attributes)
-        raise SceneError(f'<{element.tag}> needs the attribute "{attribute}"{hint}', element.location)
+        given = ", ".join(element.attributes) or "none"
+        raise SceneError(
+            f'<{element.tag}> needs the attribute "{attribute}", it has: {given}', element.location
+        )
     return element.attributes[attribute]
 
 

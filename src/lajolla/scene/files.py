@@ -22,14 +22,13 @@ def find_file(name: str, directories: Iterable[Path], location: Location) -> Pat
         found = _in_any_case(directory / wanted)
         if found is not None:
             return found
-    where = ", ".join(str(d) for d in searched)
-    raise SceneError(
-        f'file "{name}" not found' + ("" if wanted.startswith("/") else f"; searched: {where}"), location
-    )
+    shown = name if len(name) <= 80 else name[:77] + "..."
+    where = "" if wanted.startswith("/") else f"; searched: {', '.join(map(str, searched))}"
+    raise SceneError(f'file "{shown}" not found{where}', location)
 
 
 def _in_any_case(path: Path) -> Path | None:
-    """The path itself if it exists, else what differs from it in case only, as on systems that ignore case."""
+    """The path itself if it exists, else what differs from it in case only."""
     try:
         if path.exists():
             return path

@@ -67,6 +67,8 @@ def _lookup(name: str, ids: Mapping[str, Node], location: Location) -> Node:
 
 def _refuse_cycles(node: Node, trail: list[Node], heights: dict[Node, int]) -> int:
     """How deep the objects below a node nest; each node is walked once."""
+    if len(trail) > MAX_NESTING:
+        raise SceneError(f"objects are nested more than {MAX_NESTING} deep", node.location)
     if node in trail:
         circle = [*trail[trail.index(node) :], node]
         names = " -> ".join(n.id or str(n) for n in circle)

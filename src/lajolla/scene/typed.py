@@ -20,6 +20,23 @@ from .literals import (
 from .nodes import KINDS, Node, Property, Reference, SpectrumFile, Value, Vector
 from .transforms import parse_transform, parse_xyz
 
+OBJECT_ATTRIBUTES = ("type", "id", "name", "version")
+VALUE_ATTRIBUTES = ("name", "value", "intent")
+VECTOR_ATTRIBUTES = ("name", "value", "x", "y", "z")
+ATTRIBUTES = {
+    **dict.fromkeys(("float", "integer", "boolean", "string", "rgb", "srgb"), VALUE_ATTRIBUTES),
+    **dict.fromkeys(("point", "vector", "translate", "scale"), VECTOR_ATTRIBUTES),
+    "spectrum": (*OBJECT_ATTRIBUTES, *VALUE_ATTRIBUTES, "filename"),
+    "blackbody": ("name", "temperature", "scale"),
+    "rotate": (*VECTOR_ATTRIBUTES, "angle"),
+    "matrix": ("value",),
+    "lookat": ("origin", "target", "up"),
+    "transform": ("name", "time"),
+    "animation": ("name",),
+    "ref": ("id", "name"),
+    "alias": ("id", "as"),
+}
+
 OLD_KINDS = {"camera": "sensor", "luminaire": "emitter"}  # tags of 0.4 and before
 
 
@@ -48,6 +65,7 @@ def nodes_from_elements(root: Element, diagnostics: Diagnostics) -> Tree:
 def _add(element: Element, parent: Node, tree: Tree, diagnostics: Diagnostics) -> None:
     """Adds what an element stands for to its parent node."""
     tag = OLD_KINDS.get(element.tag, element.tag)
+    _check_attributes(element, diagnostics)
     if tag == "alias":
         tree.aliases.append((required(element, "as"), required(element, "id"), element.at("as")))
         return
@@ -82,6 +100,18 @@ def _object(kind: str, element: Element, tree: Tree, diagnostics: Diagnostics) -
     for child in element.children:
         _add(child, node, tree, diagnostics)
     return node
+
+
+def _check_attributes(element: Element, diagnostics: Diagnostics) -> None:
+    """Tells of attributes that mean nothing in an element, or in the operations of a transform."""
+    known = ATTRIBUTES.get(element.tag.lower(), OBJECT_ATTRIBUTES)
+    for name in element.attributes:
+        if name not in known:
+            message = f'<{element.tag}> has no attribute "{name}"{did_you_mean(name, known)}'
+            diagnostics.unknown(message, element.at(name))
+    if element.tag in ("transform", "animation"):
+        for child in element.children:
+            _check_attributes(child, diagnostics)
 
 
 def _refuse_children(element: Element) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import SceneError
 from ..nodes import Array, Node
 from ..schema import Content, Field, Plugin
-from .tessellate import cube_arrays, cylinder_arrays, sphere_arrays
+from .tessellate import MeshArrays, cube_arrays, cylinder_arrays, sphere_arrays
 
 if TYPE_CHECKING:
     from ..build import Builder
@@ -54,7 +54,7 @@ def _cube(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any
     return {"type": "mesh", "mesh": builder.files["cube",], **values}
 
 
-def _round_shape(name: str, arrays: Callable[[dict[str, Any]], tuple[Array, ...]]) -> Build:
+def _round_shape(name: str, arrays: Callable[[dict[str, Any]], MeshArrays]) -> Build:
     """A builder for shapes that the core knows only when `to_world` scales alike in all directions."""
 
     def build(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
