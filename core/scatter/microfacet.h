@@ -58,19 +58,19 @@ inline Vec2f sample_beckmann_slopes(Vec2f u, float cot_theta) {
     const float tail = e * erfc_scaled(cot_theta) / 2, rim = e * inv_sqrt_pi / (2 * cot_theta);
     const float inner = 1 - 2 * tail; // erf(cot(theta))
     const float v = u.x * (inner + tail + rim);
-    float along;
+    float along, across = 2 * u.y - 1; // in erf
     if (v < inner) {
         along = erf_inv(2 * v - inner);
-        const float flip = std::max(along / cot_theta, 0.0f);
-        if (u.y < flip) along = -along;
-        u.y = u.y < flip ? u.y / flip : (u.y - flip) / (1 - flip);
+        const float flip = std::max(along / cot_theta, 0.0f), size = std::abs(across);
+        across = std::copysign(size < flip ? size / flip : (size - flip) / (1 - flip), across);
+        along = size < flip ? -along : along;
     } else if (v < inner + tail) {
         along = erf_inv(inner - 2 * v);
     } else {
         const float beyond = (v - inner - tail) / rim;
         along = -std::sqrt(cot_theta * cot_theta - std::log(std::max(beyond, 1e-7f)));
     }
-    return {along, erf_inv(2 * u.y - 1)};
+    return {along, erf_inv(across)};
 }
 
 } // namespace detail
