@@ -32,6 +32,7 @@ HARMLESS = {
     "sampler": ("dimension", "scramble", "jitter", "wavefront_size"),
     "film": (
         "banner",
+        "filename",
         "attach_log",
         "high_quality_edges",
         "sample_border",

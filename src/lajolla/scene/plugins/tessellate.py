@@ -16,23 +16,27 @@ Floats: TypeAlias = npt.NDArray[np.float32]
 MeshArrays: TypeAlias = tuple[Floats, npt.NDArray[np.uint32], Floats, Floats]
 
 
+# Normal of each face of the cube and the direction of its u, as in Mitsuba; v runs along u x normal.
+CUBE_FACES = (
+    ((0, -1, 0), (0, 0, 1)),
+    ((0, 1, 0), (-1, 0, 0)),
+    ((1, 0, 0), (0, 1, 0)),
+    ((0, 0, 1), (0, 1, 0)),
+    ((-1, 0, 0), (0, 1, 0)),
+    ((0, 0, -1), (0, -1, 0)),
+)
+
+
 def cube_arrays() -> MeshArrays:
     """The cube [-1, 1]^3, six faces of their own vertices, each with the unit square as texture space."""
-    corners = np.array([[-1.0, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]])
-    # The +z face turned to each of the six sides: columns are the images of x, y, z.
-    turns = [
-        np.eye(3),
-        np.array([[-1.0, 0, 0], [0, 1, 0], [0, 0, -1]]),
-        np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]),
-        np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]),
-        np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
-        np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
-    ]
-    vertices = np.concatenate([corners @ turn.T for turn in turns])
-    normals = np.concatenate([np.tile(turn[:, 2], (4, 1)) for turn in turns])
-    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * i for i in range(6)])
-    uvs = np.tile([[0.0, 0], [1, 0], [1, 1], [0, 1]], (6, 1))
-    return _arrays(vertices, faces, normals, uvs)
+    uvs = np.array([[0.0, 0], [0, 1], [1, 1], [1, 0]])
+    u, v = (2 * uvs - 1).T[:, :, None]
+    normals = [np.tile(normal, (4, 1)) for normal, _ in CUBE_FACES]
+    vertices = [normal + u * along_u + v * np.cross(along_u, normal) for normal, along_u in CUBE_FACES]
+    faces = [np.array([[0, 1, 2], [0, 2, 3]]) + 4 * i for i in range(6)]
+    return _arrays(
+        np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals), np.tile(uvs, (6, 1))
+    )
 
 
 def sphere_arrays(values: dict[str, Any]) -> MeshArrays:
