@@ -1,0 +1,275 @@
+"""The command line, as its users see it."""
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lajolla import cli, display, image
+from lajolla.arguments import parse, replay_command
+from lajolla.render import Progress
+
+SCENE = """\
+<scene version="3.0.0">
+    <default name="level" value="0.5"/>
+    <integrator type="path"><integer name="max_depth" value="3"/></integrator>
+    <sensor type="perspective">
+        <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="12"/></film>
+        <sampler type="independent"><integer name="sample_count" value="4"/></sampler>
+    </sensor>
+    <emitter type="constant"><rgb name="radiance" value="$level"/></emitter>
+    <shape type="sphere"><point name="center" x="0" y="0" z="5"/></shape>
+</scene>
+"""
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Every test works in an empty folder with a scene."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "room.xml").write_text(SCENE)
+    return tmp_path
+
+
+def files() -> set[str]:
+    return {path.name for path in Path().iterdir()} - {"room.xml"}
+
+
+def test_render_writes_exr_and_png_here(capsys: Capture) -> None:
+    assert cli.main(["render", "room.xml"]) == 0
+    assert files() == {"room.exr", "room.png"}
+    assert image.read("room.exr").shape == (12, 16, 3)
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "lajolla: wrote room.exr, room.png (4 samples per pixel in " in captured.err
+
+
+def test_options_and_outputs(capsys: Capture) -> None:
+    words = (
+        "render room.xml -o a.pfm --output b.jpg --spp 2 --size 8x6 --seed 3 --threads 1 --quiet -D level=2"
+    )
+    assert cli.main(words.split()) == 0
+    assert files() == {"a.pfm", "b.jpg"}
+    np.testing.assert_allclose(image.read("a.pfm")[0, 0], 2, rtol=1e-6)
+    assert image.read("a.pfm").shape == (6, 8, 3)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_crop_is_part_of_the_whole() -> None:
+    assert cli.main("render room.xml -o whole.pfm --quiet --max-depth 2".split()) == 0
+    assert cli.main("render room.xml -o part.pfm --quiet --max-depth 2 --crop 4,3,5,6".split()) == 0
+    whole, part = image.read("whole.pfm"), image.read("part.pfm")
+    assert part.shape == (6, 5, 3)
+    np.testing.assert_allclose(part.mean(), whole[3:9, 4:9].mean(), rtol=0.1)
+
+
+def test_stats(capsys: Capture) -> None:
+    assert cli.main("render room.xml --quiet --stats s.json".split()) == 0
+    assert cli.main("render room.xml --quiet --stats /dev/stdout".split()) == 0
+    for text in (Path("s.json").read_text(), capsys.readouterr().out):
+        stats = json.loads(text)
+        assert stats["samples"] == 4 * 16 * 12
+        assert stats["samples_per_second"] == pytest.approx(stats["samples"] / stats["render_seconds"])
+        assert stats["nonfinite_samples"] == 0
+        for key in ("load_seconds", "build_seconds", "rays_per_second", "peak_memory_bytes"):
+            assert stats[key] > 0
+
+
+def test_stats_into_a_pipe() -> None:
+    os.mkfifo("pipe")
+    reader = subprocess.Popen(["cat", "pipe"], stdout=subprocess.PIPE)
+    assert cli.main("render room.xml --quiet --stats pipe".split()) == 0
+    out, _ = reader.communicate(timeout=30)
+    assert json.loads(out)["samples_per_pixel"] == 4
+
+
+def test_pixel(capsys: Capture) -> None:
+    assert cli.main("render room.xml --pixel 0,0".split()) == 0
+    assert cli.main("render room.xml --pixel 0,0 --sample 3".split()) == 0
+    assert files() == set()
+    for line in capsys.readouterr().out.splitlines():
+        np.testing.assert_allclose([float(word) for word in line.split()], 0.5, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("", "which command? There is render, check, compare, list"),
+        ("rendr room.xml", "unknown command 'rendr'; did you mean 'render'?"),
+        ("room.xml", "Perhaps: lajolla render room.xml"),
+        ("test", "./lajolla test"),
+        ("render", "required: SCENE"),
+        ("render room.xml --sp 3", "unknown option '--sp'; did you mean --spp?"),
+        ("render room.xml more", "unknown argument 'more'"),
+        ("render room.xml --spp 0", "'0' is not a whole number from 1"),
+        ("render room.xml --spp many", "'many' is not a whole number from 1"),
+        ("render room.xml --size 10", "'10' is not WIDTHxHEIGHT"),
+        ("render room.xml --crop 1,2,3", "'1,2,3' is not X,Y,WIDTH,HEIGHT"),
+        ("render room.xml --crop 10,0,10,10", "reaches outside of the film, 16 x 12"),
+        ("render room.xml --max-depth -2", "not a whole number from -1"),
+        ("render room.xml --exposure inf", "not a number from -100 to 100"),
+        ("render room.xml -D level", "'level' is not NAME=VALUE"),
+        ("render room.xml --sample 1", "--sample needs --pixel"),
+        ("render room.xml --pixel 16,0", "pixel 16,0 is outside of the picture, 16 x 12"),
+        ("render room.xml --integrator pth", "no integrator 'pth'; did you mean 'path'?"),
+        (
+            "render room.xml -o a.tif",
+            "a.tif: the format follows from the file's ending, which is one of .exr",
+        ),
+        ("render room.xml -o missing/a.exr", "there is no folder"),
+        ("render room.xml --stats missing/s.json", "there is no folder"),
+        ("render missing.xml", "missing.xml"),
+        ("check missing.xml", "missing.xml"),
+        ("compare a.exr room.xml", "a.exr: no such file"),
+        ("compare room.xml room.xml", "room.xml: cannot be read as a picture"),
+        ("compare a.exr b.exr --diff d.exr", "PNG or JPEG"),
+        ("list bsfd", "no kind 'bsfd' of plugins; did you mean 'bsdf'?"),
+        ("list bsdf difuse", "no bsdf 'difuse'; did you mean 'diffuse'?"),
+    ],
+)
+def test_mistakes_get_one_clear_message(words: str, message: str, capsys: Capture) -> None:
+    assert cli.main(words.split()) == 1
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.out == ""
+    assert "Traceback" not in captured.err
+    assert files() == set()
+
+
+def test_broken_scene_shows_the_place(capsys: Capture) -> None:
+    Path("room.xml").write_text(SCENE.replace('type="sphere"', 'type="sphree"'))
+    assert cli.main(["render", "room.xml", "--strict"]) == 1
+    assert "room.xml:9:" in capsys.readouterr().err
+
+
+def test_check(capsys: Capture) -> None:
+    assert cli.main(["check", "room.xml"]) == 0
+    lines = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    assert lines["picture"] == "16 x 12, 4 samples per pixel"
+    assert lines["shapes"] == "1"
+    assert lines["warnings"] == "0"
+
+
+def test_compare(capsys: Capture) -> None:
+    image.write(Path("a.pfm"), np.full((2, 3, 3), 2.0))
+    image.write(Path("b.pfm"), np.full((2, 3, 3), 1.0))
+    assert cli.main("compare a.pfm b.pfm --diff d.png".split()) == 0
+    rows = {line[:12].strip(): line[12:].split() for line in capsys.readouterr().out.splitlines()}
+    assert rows["mean ratio"] == ["2"] * 3
+    assert rows["RMSE"] == ["1"] * 3
+    assert image.read("d.png")[0, 0].tolist() == [1, 0, 0]
+
+
+def test_list(capsys: Capture) -> None:
+    assert cli.main(["list"]) == 0
+    everything = capsys.readouterr().out
+    for kind in ("bsdf", "texture", "emitter", "shape", "sensor", "film", "rfilter", "sampler", "integrator"):
+        assert f"{kind}\n" in everything
+    assert cli.main(["list", "bsdf"]) == 0
+    assert "  diffuse " in capsys.readouterr().out
+    assert cli.main(["list", "bsdf", "diffuse"]) == 0
+    assert "reflectance" in capsys.readouterr().out
+
+
+def interrupting_display(signum: signal.Signals) -> Callable[..., object]:
+    """A progress display that sends a signal to this process when four samples are done."""
+
+    @contextmanager
+    def progress_display(**settings: object) -> Iterator[display.Observer]:
+        def observe(progress: Progress) -> None:
+            if progress.samples >= 4:
+                os.kill(os.getpid(), signum)
+
+        yield observe
+
+    return progress_display
+
+
+@pytest.mark.parametrize(("signum", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interrupted_render_saves_what_is_there(
+    signum: signal.Signals, code: int, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "progress_display", interrupting_display(signum))
+    assert cli.main("render room.xml --spp 1000000 --stats s.json".split()) == code
+    assert files() == {"room.exr", "room.png", "s.json"}
+    samples = json.loads(Path("s.json").read_text())["samples_per_pixel"]
+    assert 4 <= samples < 1_000_000
+    assert f"with {samples} of 1000000 samples per pixel" in capsys.readouterr().err
+
+
+def test_interrupted_before_the_first_pass(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*arguments: object, **settings: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "load", interrupted)
+    assert cli.main("render room.xml".split()) == 130
+    assert files() == set()
+    assert capsys.readouterr().err == "lajolla: interrupted; nothing was written\n"
+
+
+def test_one_bad_output_does_not_lose_the_others(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    write = image.write
+
+    def failing(path: Path, *rest: object, **settings: object) -> None:
+        if path.suffix == ".exr":
+            raise image.ImageError(f"{path}: no space left on the disk")
+        write(path, *rest, **settings)
+
+    monkeypatch.setattr(image, "write", failing)
+    assert cli.main(["render", "room.xml", "--quiet"]) == 1
+    assert files() == {"room.png"}
+    assert "room.exr: no space left" in capsys.readouterr().err
+
+
+def test_progress_lines(capsys: Capture) -> None:
+    observe = display.line_observer(pixels=1000)
+    for samples in range(101):
+        observe(Progress(samples, 100, float(samples)))
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 9
+    assert lines[1] == "lajolla: 20 % (20/100 spp, 1 ksamples/s, 1 min 20 s left)"
+
+
+def test_nonfinite_samples_are_reported_with_a_replay(capsys: Capture) -> None:
+    shared = "render room.xml -D level=2 --size 8x6 --crop 1,2,3,4 --seed 4 --max-depth 3"
+    arguments = parse(f"{shared} -o a.exr --spp 99".split())
+    accumulator = SimpleNamespace(nonfinite=2, nonfinite_list=[(3, 5, 7), (3, 5, 8)])
+    cli._report_nonfinite(SimpleNamespace(accumulator=accumulator), arguments)
+    replay = f"lajolla {shared} --pixel 3,5 --sample 7"
+    error = capsys.readouterr().err
+    assert "2 samples were not finite" in error
+    assert replay in error
+    repeated = parse(replay.split()[1:])
+    assert isinstance(repeated, argparse.Namespace)
+    assert replay_command(repeated, 3, 5, 7) == replay
+
+
+def run(*words: str, **settings: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lajolla", *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, **settings)
+
+
+def test_help_and_version() -> None:
+    shown = run("--help")
+    assert shown.returncode == 0
+    for command in ("render", "check", "compare", "list", "./lajolla test"):
+        assert command in shown.stdout
+    assert run("--version").stdout.startswith("lajolla ")
+
+
+def test_a_closed_pipe_is_no_traceback() -> None:
+    pipeline = f"{sys.executable} -m lajolla list | head -n 1"
+    result = subprocess.run(pipeline, shell=True, capture_output=True, text=True, timeout=60, check=False)
+    assert result.stderr == ""
+    assert len(result.stdout.splitlines()) == 1

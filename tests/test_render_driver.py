@@ -1,0 +1,176 @@
+"""The progressive driver: options, passes, interruption; pictures depend on scene and seed alone."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lajolla
+from lajolla.render import Options, Progress, Rendering, apply_options
+
+SCENE: dict[str, Any] = {
+    "type": "scene",
+    "integrator": {"type": "path", "max_depth": 3},
+    "sensor": {
+        "type": "perspective",
+        "film": {"type": "hdrfilm", "width": 16, "height": 12, "rfilter": {"type": "box"}},
+        "sampler": {"type": "independent", "sample_count": 16},
+    },
+    "light": {"type": "constant", "radiance": 0.5},
+    "ball": {"type": "sphere", "center": [0, 0, 5], "radius": 1},
+}
+
+CORE: dict[str, Any] = {
+    "film": {
+        "width": 64,
+        "height": 48,
+        "crop_offset_x": 1,
+        "crop_offset_y": 2,
+        "crop_width": 3,
+        "crop_height": 4,
+    },
+    "sampler": {"type": "sobol", "sample_count": 4, "seed": 9},
+    "integrator": {"type": "path", "max_depth": 8},
+}
+
+
+@pytest.fixture(scope="module")
+def scene() -> lajolla.Scene:
+    return lajolla.load_dict(SCENE)
+
+
+def test_no_option_changes_nothing() -> None:
+    assert apply_options(CORE, Options()) == CORE
+
+
+def test_options_replace_the_scenes_values() -> None:
+    result = apply_options(CORE, Options(spp=7, seed=3, size=(10, 20), crop=(1, 1, 5, 5), max_depth=2))
+    assert result["sampler"] == {"type": "sobol", "sample_count": 7, "seed": 3}
+    assert result["integrator"] == {"type": "path", "max_depth": 2}
+    crop = {"crop_offset_x": 1, "crop_offset_y": 1, "crop_width": 5, "crop_height": 5}
+    assert result["film"] == {"width": 10, "height": 20, **crop}
+
+
+def test_size_drops_the_scenes_crop() -> None:
+    assert apply_options(CORE, Options(size=(10, 20)))["film"] == {"width": 10, "height": 20}
+
+
+def test_another_integrator_takes_what_it_knows() -> None:
+    assert apply_options(CORE, Options(integrator="depth"))["integrator"] == {"type": "depth"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (Options(crop=(60, 0, 10, 10)), "outside of the film"),
+        (Options(integrator="pth"), "did you mean 'path'"),
+        (Options(integrator="depth", max_depth=3), "has no max_depth"),
+    ],
+)
+def test_options_that_do_not_fit(options: Options, message: str) -> None:
+    with pytest.raises(lajolla.OptionError, match=message):
+        apply_options(CORE, options)
+
+
+def test_picture(scene: lajolla.Scene) -> None:
+    picture = scene.render(spp=2)
+    assert picture.array.shape == (12, 16, 3)
+    assert picture.array.dtype == np.float32
+    np.testing.assert_allclose(picture.array[0, 0], 0.5, rtol=1e-6)  # the background
+
+
+def test_picture_depends_on_scene_and_seed_alone(scene: lajolla.Scene) -> None:
+    one = scene.render(spp=16, seed=1, threads=1).array
+    two = scene.render(spp=16, seed=1, threads=2).array
+    np.testing.assert_array_equal(one, two)
+    assert not np.array_equal(one, scene.render(spp=16, seed=2).array)
+    four_by_four = scene.rendering(spp=16, seed=1)
+    for first in range(0, 16, 4):
+        four_by_four.accumulator.add(first, 4, 2)
+    np.testing.assert_array_equal(one, four_by_four.image().array)
+
+
+def test_passes_double(scene: lajolla.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lajolla.render.PASS_SECONDS", 1e9)
+    done: list[float] = []
+    rendering = scene.rendering(spp=20)
+    rendering.run(lambda progress: done.append(progress.samples))
+    assert [value for value in done if value in (1, 2, 4, 8, 16, 20)] == [1, 2, 4, 8, 16, 20]
+    assert rendering.samples == 20
+
+
+def test_passes_are_limited_in_time(scene: lajolla.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lajolla.render.PASS_SECONDS", 0)
+    rendering = scene.rendering(spp=5)
+    counts = []
+    rendering.run(lambda progress: counts.append(rendering.samples))
+    assert set(counts) == {1, 2, 3, 4, 5}
+
+
+def test_interruption_keeps_finished_passes(scene: lajolla.Scene) -> None:
+    rendering = scene.rendering(spp=1_000_000, seed=5, threads=1)
+
+    def interrupt(progress: Progress) -> None:
+        if rendering.samples >= 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        rendering.run(interrupt)
+    assert 4 <= rendering.samples < 1_000_000
+    kept = scene.render(spp=rendering.samples, seed=5)
+    np.testing.assert_array_equal(rendering.image().array, kept.array)
+
+
+def test_an_interrupted_rendering_goes_on(scene: lajolla.Scene) -> None:
+    rendering = scene.rendering(spp=16, seed=1)
+
+    def interrupt(progress: Progress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        rendering.run(interrupt)
+    rendering.run()
+    np.testing.assert_array_equal(rendering.image().array, scene.render(spp=16, seed=1).array)
+
+
+def test_radiance_of_a_pixel_is_that_of_the_picture(scene: lajolla.Scene) -> None:
+    picture = scene.render().array
+    np.testing.assert_allclose(scene.radiance(8, 6), picture[6, 8], rtol=1e-5)
+    samples = [scene.radiance(8, 6, sample) for sample in range(16)]
+    np.testing.assert_allclose(np.mean(samples, axis=0), picture[6, 8], rtol=1e-5)
+    with pytest.raises(lajolla.OptionError, match="outside of the picture, 16 x 12"):
+        scene.radiance(16, 0)
+
+
+def test_options_of_load_dict() -> None:
+    scene = lajolla.load_dict(SCENE, spp=3, size=(5, 4))
+    assert (scene.width, scene.height, scene.core.sample_count) == (5, 4, 3)
+    with pytest.raises(TypeError, match="did you mean 'spp'"):
+        lajolla.load_dict(SCENE, sp=3)
+
+
+@pytest.mark.parametrize("options", [{"spp": 0}, {"threads": 0}])
+def test_impossible_numbers(scene: lajolla.Scene, options: dict[str, int]) -> None:
+    with pytest.raises(lajolla.OptionError, match="must be at least 1, not 0"):
+        scene.render(**options)
+
+
+def test_progress() -> None:
+    progress = Progress(samples=5, spp=20, seconds=10)
+    assert progress.fraction == 0.25
+    assert progress.seconds_left == 30
+
+
+def test_a_failing_pass_raises(scene: lajolla.Scene) -> None:
+    rendering = Rendering(scene.core, spp=4, seed=0, threads=1)
+
+    class Failing:
+        samples = 0
+        progress = 0.0
+
+        def add(self, first: int, count: int, threads: int) -> bool:
+            raise MemoryError
+
+    rendering.accumulator = Failing()
+    with pytest.raises(MemoryError):
+        rendering.run()
