@@ -1,0 +1,171 @@
+"""Makes the textures, the environment and the meshes of the scenes in this folder.
+
+Run it as ``python scenes/make_assets.py``; the files it writes are committed, so scenes render without it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+FOLDER = Path(__file__).resolve().parent
+
+
+def write_image(name: str, pixels: np.ndarray, quality: int = 82) -> None:
+    """Writes (H, W, 3) pixels: 8-bit sRGB for JPEG and PNG, linear half for EXR."""
+    path = str(FOLDER / "textures" / name)
+    kind = oiio.HALF if name.endswith(".exr") else oiio.UINT8
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, kind)
+    spec.attribute("Compression", "zip" if name.endswith(".exr") else f"jpeg:{quality}")
+    output = oiio.ImageOutput.create(path)
+    if not output or not output.open(path, spec) or not output.write_image(pixels.astype(np.float32)):
+        raise OSError(f"cannot write {path}: {oiio.geterror()}")
+    output.close()
+
+
+def smooth_noise(rng: np.random.Generator, shape: tuple[int, int], cells: tuple[int, int]) -> np.ndarray:
+    """Periodic value noise in [0, 1] with `cells` lattice cells along each axis."""
+    lattice = rng.random(cells)
+    y, x = (np.arange(n) * c / n for n, c in zip(shape, cells, strict=True))
+    y0, x0 = y.astype(int), x.astype(int)
+    fy, fx = (3 * f**2 - 2 * f**3 for f in ((y - y0)[:, None], (x - x0)[None, :]))
+    y1, x1 = (y0 + 1) % cells[0], (x0 + 1) % cells[1]
+    top = lattice[np.ix_(y0, x0)] * (1 - fx) + lattice[np.ix_(y0, x1)] * fx
+    bottom = lattice[np.ix_(y1, x0)] * (1 - fx) + lattice[np.ix_(y1, x1)] * fx
+    return top * (1 - fy) + bottom * fy
+
+
+def planks(rng: np.random.Generator, size: int = 512, rows: int = 8) -> np.ndarray:
+    """Oak planks along u: each with its own tone, grain and two joints."""
+    image = np.zeros((size, size, 3))
+    height = size // rows
+    for row in range(rows):
+        for half in range(2):
+            grain = smooth_noise(rng, (height, size // 2), (16, 3)) + smooth_noise(
+                rng, (height, size // 2), (32, 6)
+            )
+            rings = 0.5 + 0.5 * np.sin(14 * smooth_noise(rng, (height, size // 2), (3, 2)) + 2 * grain)
+            tone = rng.uniform(0.8, 1.1) * (0.82 + 0.1 * grain + 0.08 * rings)
+            plank = tone[..., None] * np.array([0.66, 0.47, 0.31])
+            plank[:2] *= 0.45
+            plank[:, :2] *= 0.45
+            start = (half * size // 2 + row * 181) % size
+            columns = (start + np.arange(size // 2)) % size
+            image[row * height : (row + 1) * height, columns] = plank
+    return np.clip(image, 0, 1)
+
+
+def rug(rng: np.random.Generator, width: int = 384, height: int = 256) -> np.ndarray:
+    """A woven rug: nested borders around rows of diamonds."""
+    y, x = np.mgrid[0:height, 0:width]
+    edge = np.minimum.reduce([x, y, width - 1 - x, height - 1 - y])
+    red, cream, blue = np.array([[0.52, 0.13, 0.12], [0.88, 0.80, 0.64], [0.12, 0.20, 0.36]])
+    diamond = (np.abs((x - 16) % 44 - 22) + np.abs((y - 18) % 44 - 22)) // 7
+    image = np.where((diamond % 2 == 0)[..., None], red, np.where((diamond == 1)[..., None], cream, blue))
+    for outer, inner, colour in ((0, 10, red), (10, 14, cream), (14, 26, blue), (26, 29, cream)):
+        image[(edge >= outer) & (edge < inner)] = colour
+    weave = 0.9 + 0.1 * ((x + y) % 2) - 0.08 * rng.random((height, width))
+    return np.clip(image * weave[..., None], 0, 1)
+
+
+def painting(width: int = 320, height: int = 224) -> np.ndarray:
+    """Hills in the evening: a sun and four ridges, each paler with distance."""
+    y, x = np.mgrid[0:height, 0:width] / np.array([height, width])[:, None, None]
+    image = np.array([0.96, 0.72, 0.45]) * (1 - y[..., None]) + np.array([0.98, 0.52, 0.38]) * y[..., None]
+    image[np.hypot((x - 0.66) * width / height, y - 0.36) < 0.12] = (1.0, 0.90, 0.62)
+    for layer in range(4):
+        ridge = 0.45 + 0.13 * layer + 0.05 * np.sin(5 * x + 2.1 * layer) + 0.03 * np.sin(13 * x - 1.7 * layer)
+        colour = np.array([0.72, 0.40, 0.42]) * (1 - layer / 4) + np.array([0.10, 0.16, 0.24]) * layer / 4
+        image[y > ridge] = colour
+    return image
+
+
+def studio(width: int = 256, height: int = 128) -> np.ndarray:
+    """An environment: a grey studio with two soft boxes, a strip light and a warm floor."""
+    v, u = np.mgrid[0:height, 0:width] / np.array([height, width])[:, None, None]
+    up = np.cos(np.pi * v)
+    image = np.where((up > 0)[..., None], 0.10 + 0.25 * up[..., None], 0.06) * np.array([0.85, 0.95, 1.1])
+    image[up <= 0] = (0.09, 0.08, 0.07)
+
+    def lamp(
+        centre: tuple[float, float], size: tuple[float, float], radiance: tuple[float, float, float]
+    ) -> None:
+        across = np.abs((u - centre[0] + 0.5) % 1 - 0.5) / size[0]
+        along = np.abs(v - centre[1]) / size[1]
+        fall = np.clip(6 * (1 - np.maximum(across, along)), 0, 1)
+        image[:] = np.maximum(image, fall[..., None] * np.array(radiance))
+
+    lamp((0.12, 0.30), (0.07, 0.12), (9.0, 8.2, 7.0))
+    lamp((0.80, 0.34), (0.05, 0.10), (4.0, 4.6, 5.6))
+    lamp((0.47, 0.28), (0.02, 0.16), (5.0, 5.0, 5.0))
+    return image
+
+
+def write_ply(name: str, columns: dict[str, np.ndarray], faces: np.ndarray) -> None:
+    """Writes a binary PLY file with the named float vertex columns and triangles (N, 3)."""
+    count = len(next(iter(columns.values())))
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {count}"]
+    header += [f"property float {column}" for column in columns]
+    header += [f"element face {len(faces)}", "property list uchar ushort vertex_indices", "end_header\n"]
+    rows = np.zeros(len(faces), dtype=[("count", "u1"), ("index", "<u2", 3)])
+    rows["count"], rows["index"] = 3, faces
+    vertices = np.stack(list(columns.values()), axis=1).astype("<f4")
+    (FOLDER / "meshes" / name).write_bytes("\n".join(header).encode() + vertices.tobytes() + rows.tobytes())
+
+
+def revolve(profile: np.ndarray, segments: int = 40) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """The surface that the (radius, height) polyline `profile` sweeps about y, with smooth normals."""
+    tangent = np.gradient(profile, axis=0)
+    normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    angle = np.linspace(0, 2 * np.pi, segments + 1)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    columns = {
+        "x": np.outer(profile[:, 0], cosine),
+        "y": np.outer(profile[:, 1], np.ones_like(angle)),
+        "z": -np.outer(profile[:, 0], sine),
+        "nx": np.outer(normal[:, 0], cosine),
+        "ny": np.outer(normal[:, 1], np.ones_like(angle)),
+        "nz": -np.outer(normal[:, 0], sine),
+    }
+    row, column = np.mgrid[0 : len(profile) - 1, 0:segments]
+    a = row * (segments + 1) + column
+    b = a + segments + 1
+    faces = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, a + 1, b), (a + 1, b + 1, b))])
+    return {key: value.ravel() for key, value in columns.items()}, faces
+
+
+def vase_profile(samples: int = 40) -> np.ndarray:
+    """A vase of height 1: a swelling body, a neck and a flared lip."""
+    t = np.linspace(0, 1, samples)
+    radius = (
+        0.12
+        + 0.22 * np.sin(np.pi * np.minimum(t / 0.8, 1)) ** 1.2
+        + 0.12 * np.clip((t - 0.78) / 0.22, 0, 1) ** 2
+    )
+    return np.stack([radius, t], axis=1)
+
+
+def shade_profile(samples: int = 12) -> np.ndarray:
+    """A lamp shade of height 1: a slightly curved cone."""
+    t = np.linspace(0, 1, samples)
+    return np.stack([0.75 - 0.32 * t + 0.06 * np.sin(np.pi * t), t], axis=1)
+
+
+def main() -> None:
+    """Writes every file."""
+    rng = np.random.default_rng(2026)
+    for folder in ("textures", "meshes"):
+        (FOLDER / folder).mkdir(exist_ok=True)
+    write_image("planks.jpg", planks(rng))
+    write_image("rug.jpg", rug(rng))
+    write_image("painting.jpg", painting(), 90)
+    write_image("studio.exr", studio())
+    write_ply("vase.ply", *revolve(vase_profile()))
+    write_ply("shade.ply", *revolve(shade_profile(), 32))
+
+
+if __name__ == "__main__":
+    main()
