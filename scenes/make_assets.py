@@ -19,6 +19,7 @@ def write_image(name: str, pixels: np.ndarray, quality: int = 82) -> None:
     kind = oiio.HALF if name.endswith(".exr") else oiio.UINT8
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, kind)
     spec.attribute("Compression", "zip" if name.endswith(".exr") else f"jpeg:{quality}")
+    spec.attribute("DateTime", "2026:01:01 00:00:00")  # the same bytes every time
     output = oiio.ImageOutput.create(path)
     if not output or not output.open(path, spec) or not output.write_image(pixels.astype(np.float32)):
         raise OSError(f"cannot write {path}: {oiio.geterror()}")

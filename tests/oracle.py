@@ -43,14 +43,16 @@ FILTER_TYPES = {"trilinear": "bilinear", "ewa": "bilinear"}
 class Setup:
     """What a comparison changes in a scene; None leaves the file's own value.
 
-    A new film size drops the file's crop window. Roulette is switched off: with it, the two renderers would
+    A new film size drops the file's crop window. Roulette starts beyond every path: with it, the renderers would
     sample the same mean with different, sometimes unbounded, variance.
     """
 
     width: int | None = None
     height: int | None = None
     max_depth: int | None = 8
+    rr_depth: int = 1000
     rfilter: str | None = "box"
+    sampler: str | None = "independent"
 
 
 @dataclass(frozen=True)
@@ -117,11 +119,12 @@ def _apply(root: ET.Element, setup: Setup) -> None:
             root.remove(integrator)
         integrator = ET.SubElement(root, "integrator", type="path")
         integrator.append(_property("integer", "maxDepth" if old else "max_depth", setup.max_depth))
-        integrator.append(_property("integer", "rrDepth" if old else "rr_depth", 1000))
+        integrator.append(_property("integer", "rrDepth" if old else "rr_depth", setup.rr_depth))
     for sensor in [*root.findall("sensor"), *root.findall("camera")]:
-        for sampler in sensor.findall("sampler"):
-            sensor.remove(sampler)
-        ET.SubElement(sensor, "sampler", type="independent")
+        if setup.sampler is not None:
+            for sampler in sensor.findall("sampler"):
+                sensor.remove(sampler)
+            ET.SubElement(sensor, "sampler", type=setup.sampler)
         film = sensor.find("film")
         _apply_film(ET.SubElement(sensor, "film", type="hdrfilm") if film is None else film, setup)
 
