@@ -38,6 +38,8 @@ def convert(builder: Builder, owner: Node, prop: Property, field: Field) -> Cont
     value = CONVERTERS[field.type](builder, owner, prop, field)
     if value is None:
         raise SceneError(f'"{prop.name}" of {owner} expects {EXPECTED[field.type]}', prop.location)
+    if isinstance(value, tuple) and not all(map(math.isfinite, value)):
+        raise SceneError(f'"{prop.name}" of {owner} must be finite', prop.location)
     return value
 
 
@@ -139,7 +141,9 @@ def _texture_spectrum(builder: Builder, owner: Node, prop: Property, field: Fiel
 def _texture_float(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
     """A colour stands for the mean of its channels, as in Mitsuba 3."""
     value = _texture_spectrum(builder, owner, prop, field)
-    return value if isinstance(value, dict) or value is None else sum(value) / 3
+    if isinstance(value, dict) or value is None:
+        return value
+    return value[0] if value[0] == value[1] == value[2] else sum(value) / 3
 
 
 def constant_or_texture(builder: Builder, prop: Property) -> Content:

@@ -1,0 +1,355 @@
+"""How scene files and dicts become descriptions: parameters, references, versions, materials, shapes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from reader_tools import error, error_of, messages, read, write_scene
+
+from lajolla.scene import SceneError, describe, load_description, plugins
+
+Core = dict[str, Any]
+
+
+def shape(folder: Path, body: str, version: str = "3.0.0") -> Core:
+    """The first shape of a scene."""
+    return read(folder, body, version).core["shapes"][0]
+
+
+def bsdf(folder: Path, body: str, version: str = "3.0.0") -> Core:
+    """The first bsdf of a scene whose sphere has the given one."""
+    return read(folder, f'<shape type="sphere">{body}</shape>', version).core["bsdfs"][0]
+
+
+# Parameters, includes, references
+
+
+def test_command_line_beats_the_first_default_which_beats_later_ones(tmp_path: Path) -> None:
+    body = '<default name="r" value="2"/><default name="r" value="3"/>'
+    body += '<shape type="sphere"><float name="radius" value="$r"/></shape>'
+    assert shape(tmp_path, body)["radius"] == 2
+    assert read(tmp_path, body, parameters={"r": "5"}).core["shapes"][0]["radius"] == 5
+
+
+def test_the_longest_parameter_name_wins(tmp_path: Path) -> None:
+    body = '<default name="s" value="1"/><default name="spp" value="7"/>'
+    body += '<shape type="sphere"><float name="radius" value="$spp"/></shape>'
+    assert shape(tmp_path, body)["radius"] == 7
+
+
+def test_parameters_in_any_attribute_and_escaped(tmp_path: Path) -> None:
+    (tmp_path / "$1.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    body = '<default name="axis" value="1"/><shape type="obj"><string name="filename" value="\\$1.obj"/>'
+    body += '<transform name="to_world"><translate x="$axis" y="${missing"/></transform></shape>'
+    assert "expected a number" in error_of(tmp_path, body)
+    matrix = shape(tmp_path, body.replace("${missing", "$axis"))["to_world"]
+    assert np.allclose(matrix[:3, 3], [1, 1, 0])
+
+
+def test_includes_merge_and_are_relative_to_the_including_file(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "ball.xml").write_text(
+        '<scene version="0.5.0"><include filename="paint.xml"/><shape type="sphere"><ref id="paint"/>'
+        '<transform name="toWorld"><scale value="2"/></transform></shape></scene>'
+    )
+    (tmp_path / "parts" / "paint.xml").write_text('<bsdf version="3.0.0" type="dielectric" id="paint"/>')
+    core = read(tmp_path, '<include filename="PARTS\\Ball.xml"/>').core
+    assert core["bsdfs"][0]["type"] == "dielectric"
+    assert core["shapes"][0]["to_world"][0][0] == 2
+
+
+def test_duplicate_ids_across_includes_name_both_places(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_text('<scene version="3.0.0">\n<bsdf type="diffuse" id="a"/></scene>')
+    message = error_of(tmp_path, '<bsdf type="diffuse" id="a"/><include filename="a.xml"/>')
+    assert message.startswith('a.xml:2:1: error: the id "a" is used twice; first at scene.xml:3:1')
+
+
+def test_references_forward_by_alias_and_to_nested_objects(tmp_path: Path) -> None:
+    body = '<shape type="sphere"><ref id="other"/></shape><alias id="inner" as="other"/>'
+    body += '<bsdf type="bumpmap"><bsdf type="null" id="inner"/></bsdf>'
+    assert read(tmp_path, body).core["bsdfs"][0]["type"] == "null"
+
+
+def test_shared_objects_are_built_once(tmp_path: Path) -> None:
+    body = '<bsdf type="diffuse" id="d"><texture type="checkerboard" name="reflectance"/></bsdf>'
+    body += '<shape type="sphere"><ref id="d"/></shape>' * 2
+    core = read(tmp_path, body).core
+    assert (len(core["textures"]), len(core["bsdfs"]), len(core["materials"]), len(core["shapes"])) == (
+        1,
+        1,
+        1,
+        2,
+    )
+
+
+# Versions
+
+
+def test_old_names(tmp_path: Path) -> None:
+    body = '<camera type="perspective"/>'
+    body += '<luminaire type="point"><rgb name="intensity" value="1,2,3"/></luminaire>'
+    core = read(tmp_path, body, "0.4.0").core
+    assert core["emitters"] == [{"type": "point", "intensity": (1.0, 2.0, 3.0)}]
+    glass = bsdf(tmp_path, '<bsdf type="dielectric"><string name="intIOR" value="water"/></bsdf>', "0.6.0")
+    assert glass["int_ior"] == 1.333
+    grey = bsdf(tmp_path, '<bsdf type="diffuse"><rgb name="diffuseReflectance" value=".2"/></bsdf>', "0.6.0")
+    assert grey["reflectance"] == (0.2, 0.2, 0.2)
+
+
+def test_old_uv_scale_comes_before_the_offset(tmp_path: Path) -> None:
+    texture = '<texture type="checkerboard" name="reflectance"><float name="uscale" value="8"/>'
+    texture += '<float name="voffset" value=".25"/><float name="vscale" value="4"/></texture>'
+    body = f'<shape type="sphere"><bsdf type="diffuse">{texture}</bsdf></shape>'
+    to_uv = read(tmp_path, body, "0.5.0").core["textures"][0]["to_uv"]
+    assert np.allclose(to_uv @ [1, 1, 0, 1], [8, 4.25, 0, 1])
+
+
+def test_metals_by_default(tmp_path: Path) -> None:
+    new = bsdf(tmp_path, '<bsdf type="conductor"/>')
+    assert (new["eta"], new["k"]) == ((0, 0, 0), (1, 1, 1))
+    old = bsdf(tmp_path, '<bsdf type="conductor"/>', "0.6.0")
+    assert np.allclose(old["eta"], np.array([0.201006, 0.923749, 1.10222]) / 1.000277)
+    vacuum = '<bsdf type="conductor"><string name="extEta" value="vacuum"/></bsdf>'
+    assert np.allclose(bsdf(tmp_path, vacuum, "0.6.0")["k"], [3.91326, 2.45305, 2.14209])
+
+
+def test_filter_by_default(tmp_path: Path) -> None:
+    (tmp_path / "x.ppm").write_bytes(b"P6 1 1 255\n\x01\x02\x03")
+    texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="x.ppm"/></texture>'
+    body = f'<shape type="sphere"><bsdf type="diffuse">{texture}</bsdf></shape>'
+    assert read(tmp_path, body, "0.6.0").core["textures"][0]["filter_type"] == "trilinear"
+    assert "filter_type" not in read(tmp_path, body).core["textures"][0]
+
+
+def test_no_integrator(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text('<scene version="0.6.0"><sensor type="perspective"/></scene>')
+    assert load_description(path).core["integrator"] == {"type": "path", "max_depth": 2, "strategy": "mis"}
+    path.write_text('<scene version="3.0.0"><sensor type="perspective"/></scene>')
+    assert load_description(path).core["integrator"] == {"type": "path"}
+    assert "the scene has no integrator" in error(path, strict=True)
+    path.write_text('<scene version="3.0.0"><integrator type="path"/></scene>')
+    assert "the scene has no sensor" in error(path)
+
+
+def test_a_missing_version_is_guessed_from_the_names(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text('<scene><integrator type="path"><integer name="maxDepth" value="3"/></integrator>'
+                    '<sensor type="perspective"/></scene>')  # fmt: skip
+    description = load_description(path)
+    assert description.core["integrator"]["max_depth"] == 3
+    assert "the file has no version; read as 0.6" in messages(description, tmp_path)[0]
+
+
+# Materials
+
+
+def test_material_slots(tmp_path: Path) -> None:
+    red = '<bsdf type="diffuse"><rgb name="reflectance" value="1 0 0"/></bsdf>'
+    glass = '<bsdf type="dielectric"/>'
+    opacity = '<float name="opacity" value=".25"/>'
+    slots = {
+        red: (0, -1, 1.0),
+        f'<bsdf type="twosided">{red}</bsdf>': (0, 0, 1.0),
+        f'<bsdf type="twosided">{red}<bsdf type="plastic"/></bsdf>': (0, 1, 1.0),
+        f'<bsdf type="mask">{opacity}<bsdf type="twosided">{red}</bsdf></bsdf>': (0, 0, 0.25),
+        f'<bsdf type="twosided"><bsdf type="mask">{opacity}{red}</bsdf></bsdf>': (0, 0, 0.25),
+        glass: (0, -1, 1.0),
+    }
+    for body, (front, back, alpha) in slots.items():
+        core = read(tmp_path, f'<shape type="sphere">{body}</shape>').core
+        assert core["materials"] == [{"front": front, "back": back, "opacity": alpha}], body
+
+
+def test_textured_opacity(tmp_path: Path) -> None:
+    body = '<bsdf type="mask"><texture type="checkerboard" name="opacity"/><bsdf type="diffuse"/></bsdf>'
+    core = read(tmp_path, f'<shape type="sphere">{body}</shape>').core
+    assert core["materials"][0]["opacity"] == {"texture": 0}
+
+
+def test_two_sided_option_leaves_glass_alone(tmp_path: Path) -> None:
+    body = '<shape type="sphere"/><shape type="cube"><bsdf type="dielectric"/></shape>'
+    materials = read(tmp_path, body, two_sided=True).core["materials"]
+    assert [(m["front"], m["back"]) for m in materials] == [(0, 0), (1, -1)]
+
+
+def test_materials_that_nobody_wrote(tmp_path: Path) -> None:
+    light = '<shape type="sphere"><emitter type="area"/></shape>'
+    assert read(tmp_path, light).core["bsdfs"] == [{"type": "diffuse", "reflectance": (0, 0, 0)}]
+    fog = '<shape type="sphere"><medium name="interior" type="homogeneous"/></shape>'
+    assert read(tmp_path, fog).core["bsdfs"] == [{"type": "diffuse"}]
+    assert read(tmp_path, fog, "0.6.0").core["bsdfs"] == [{"type": "null"}]
+
+
+def test_an_invisible_surface_can_emit(tmp_path: Path) -> None:
+    body = '<shape type="rectangle"><bsdf type="null"/><emitter type="area"/></shape>'
+    core = read(tmp_path, body).core
+    assert core["shapes"][0]["emitter"] == 0 and core["bsdfs"] == [{"type": "null"}]
+
+
+def test_roughness_in_every_spelling(tmp_path: Path) -> None:
+    def alphas(body: str) -> tuple[float, float]:
+        metal = bsdf(tmp_path, f'<bsdf type="roughconductor">{body}</bsdf>')
+        return (metal["alpha_u"], metal["alpha_v"])
+
+    assert alphas('<float name="alpha" value=".3"/>') == (0.3, 0.3)
+    assert alphas('<float name="roughness" value=".5"/>') == (0.25, 0.25)
+    assert alphas('<float name="alpha_u" value=".1"/><float name="alpha_v" value=".2"/>') == (0.1, 0.2)
+
+
+# Shapes, lights, cameras
+
+
+def test_transforms_multiply_from_the_left(tmp_path: Path) -> None:
+    operations = '<scale x="2"/><rotate z="1" angle="90"/><translate value="1, 2 3"/>'
+    operations += '<matrix value="1 0 0\n0 1 0 0 0 9.42e-010"/>'
+    body = f'<shape type="rectangle"><transform name="to_world">{operations}</transform></shape>'
+    assert np.allclose(shape(tmp_path, body)["to_world"] @ [1, 1, 0, 1], [0, 4, 0, 1], atol=1e-6)
+
+
+def test_a_stretched_sphere_becomes_a_mesh(tmp_path: Path) -> None:
+    body = '<shape type="sphere"><transform name="to_world"><scale {}/></transform></shape>'
+    assert shape(tmp_path, body.format('value="-3"'))["type"] == "sphere"
+    stretched = read(tmp_path, body.format('y="3"'))
+    assert stretched.core["shapes"][0]["type"] == "mesh"
+    assert "a stretched sphere is rendered as a mesh" in messages(stretched, tmp_path)[0]
+
+
+def test_meshes_are_read_once(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 .25\nf 1/1 2/1 3/1\n")
+    body = '<shape type="obj"><string name="filename" value="A.OBJ"/></shape>' * 2
+    first, second = read(tmp_path, body).core["shapes"]
+    assert first["mesh"] is second["mesh"]
+
+
+def test_places_of_lights(tmp_path: Path) -> None:
+    body = '<emitter type="point"><transform name="to_world"><translate x="1"/></transform></emitter>'
+    body += '<emitter type="directional"><transform name="to_world"><rotate y="1" angle="90"/></transform>'
+    body += '</emitter><emitter type="spot"><float name="cutoff_angle" value="40"/></emitter>'
+    point, directional, spot = read(tmp_path, body).core["emitters"]
+    assert point["position"] == (1, 0, 0)
+    assert np.allclose(directional["direction"], [1, 0, 0])
+    assert spot["beam_width"] == 30
+
+
+def test_focal_length(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    text = '<scene version="3.0.0"><integrator type="path"/><sensor type="perspective">{}</sensor></scene>'
+    path.write_text(text.format(""))
+    sensor = load_description(path).core["sensor"]
+    assert sensor["fov"] == pytest.approx(46.793, abs=1e-3) and sensor["fov_axis"] == "diagonal"
+    path.write_text(text.format('<string name="focal_length" value="100 mm"/>'))
+    assert load_description(path).core["sensor"]["fov"] == pytest.approx(24.41, abs=1e-2)
+
+
+def test_mirrored_sensor_keeps_its_mirror(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    mirrored = '<scale x="-1"/><lookAt origin="0 0 5" target="0 0 0"/>'
+    sensor = f'<sensor type="perspective"><transform name="toWorld">{mirrored}</transform></sensor>'
+    path.write_text(f'<scene version="0.5.0">{sensor}</scene>')
+    matrix = load_description(path).core["sensor"]["to_world"]
+    assert np.linalg.det(matrix[:3, :3]) == pytest.approx(-1)
+
+
+def test_film_and_crop(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    film = '<integer name="width" value="10"/><integer name="crop_offset_x" value="{}"/>'
+    sensor = f'<sensor type="perspective"><film type="hdrfilm">{film}</film></sensor>'
+    text = f'<scene version="3.0.0"><integrator type="path"/>{sensor}</scene>'
+    path.write_text(text.format(4))
+    core = load_description(path).core
+    assert core["film"]["crop_width"] == 6 and core["film"]["height"] == 576
+    assert core["rfilter"] == {"type": "gaussian"} and core["sampler"] == {"type": "sobol", "sample_count": 4}
+    path.write_text(text.format(10))
+    assert "the crop window does not lie inside of the film's width of 10" in error(path)
+
+
+# Scenes as dicts
+
+
+def scene_dict(**objects: object) -> dict[str, object]:
+    """A scene dict with an integrator and a sensor."""
+    return {"type": "scene", "integrator": {"type": "path"}, "sensor": {"type": "perspective"}, **objects}
+
+
+def test_dict_scene() -> None:
+    core = describe(
+        scene_dict(
+            paint={"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.1, 0.2, 0.3]}},
+            ball={"type": "sphere", "center": [1, 2, 3], "bsdf": {"type": "ref", "id": "paint"}},
+            lamp={"type": "point", "intensity": {"type": "spectrum", "value": 5.0}},
+        )
+    ).core
+    assert core["bsdfs"] == [{"type": "diffuse", "reflectance": (0.1, 0.2, 0.3)}]
+    assert core["shapes"][0]["center"] == (1, 2, 3)
+    assert core["emitters"] == [{"type": "point", "intensity": (5.0, 5.0, 5.0)}]
+
+
+SELF = {"type": "twosided"}
+SELF["inner"] = SELF  # type: ignore[assignment]
+
+
+@pytest.mark.parametrize(
+    ("objects", "expected"),
+    [
+        ({"s": {"type": "sphre"}}, 'scene[s]: error: there is no plugin "sphre"; did you mean "sphere"?'),
+        ({"s": {"radius": 1}}, 'scene[s]: error: a dict needs a "type"'),
+        ({"s": {"type": "sphere", "radius": "1"}}, 'scene[s.radius]: error: "radius" of shape "sphere"'),
+        ({"s": {"type": "sphere", "center": [np.nan, 0, 0]}}, "must be finite"),
+        ({"s": {"type": "sphere", "to_world": np.ones((4, 4))}}, "the last row of the transformation"),
+        ({"s": SELF}, "dicts are nested more than 64 deep"),
+    ],
+)
+def test_bad_dicts(objects: dict[str, object], expected: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        describe(scene_dict(**objects))
+    assert expected in str(caught.value)
+
+
+def test_reader_plugins_describe_themselves() -> None:
+    described = plugins()
+    assert {"twosided", "mask"} <= described["bsdf"].keys()
+    assert {"obj", "ply", "serialized", "cube"} <= described["shape"].keys()
+    fields = {field["name"] for field in described["shape"]["obj"]["fields"]}
+    assert {"filename", "to_world", "face_normals", "flip_tex_coords"} <= fields and "mesh" not in fields
+
+
+# Public scenes
+
+REQUIRED = [
+    *(
+        f"lajolla/{name}.xml"
+        for name in ("cbox/cbox", "veach_mi/mi", "sponza/sponza", "matpreview/matpreview")
+    ),
+    "lajolla/pixel_filter_test/pixel_filter_test.xml",
+    *(f"bitterli/{name}/scene.xml" for name in ("veach-mis", "cornell-box", "staircase2", "veach-ajar")),
+]
+
+
+@pytest.mark.parametrize("name", REQUIRED)
+def test_required_scene_reads_as_written(name: str, shared_scenes: Path) -> None:
+    """Nothing in these scenes is unknown, but for an integrator of its authors' own."""
+    description = load_description(shared_scenes / name)
+    unknown = [str(w) for w in description.warnings if "path_guiding_integrator" not in w.message]
+    assert unknown == []
+    assert description.core["shapes"] and description.core["emitters"]
+
+
+def test_every_public_scene_is_read_or_refused_with_a_place(shared_scenes: Path) -> None:
+    """No file ends in another exception than SceneError, and what is refused lacks a file or a sensor."""
+    refused = []
+    for path in sorted(shared_scenes.rglob("*.xml")):
+        try:
+            load_description(path)
+        except SceneError as problem:
+            assert problem.location is not None
+            if "not found; searched" not in problem.message and "no sensor" not in problem.message:
+                refused.append(str(problem))
+    assert refused == []
+
+
+def test_write_scene_is_valid(tmp_path: Path) -> None:
+    assert load_description(write_scene(tmp_path, "")).core["shapes"] == []

@@ -1,0 +1,263 @@
+"""What the scene reader says about bad scenes: one message each, with place and caret, never a traceback."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from reader_tools import error, error_of, messages, read, write_scene
+
+SPHERE = '<shape type="sphere">{}</shape>'
+
+GOLDEN = {
+    "unknown element": (
+        '<shap type="sphere"/>',
+        'scene.xml:3:1: error: unknown element <shap>; did you mean "shape"?\n'
+        '    <shap type="sphere"/>\n'
+        "    ^",
+    ),
+    "missing attribute": (
+        SPHERE.format('<float nme="radius" value="1"/>'),
+        'scene.xml:3:22: error: <float> needs the attribute "name", it has: nme, value\n'
+        '    <shape type="sphere"><float nme="radius" value="1"/></shape>\n'
+        "                         ^",
+    ),
+    "not a number": (
+        SPHERE.format('\n  <float name="radius" value="1_000"/>\n'),
+        'scene.xml:4:31: error: expected a number, found "1_000"\n'
+        '    <float name="radius" value="1_000"/>\n'
+        "                                ^",
+    ),
+    "wrong type": (
+        SPHERE.format('\n<string name="radius" value="big"/>'),
+        'scene.xml:4:30: error: "radius" of shape "sphere" expects a number\n'
+        '    <string name="radius" value="big"/></shape>\n'
+        "                                 ^",
+    ),
+    "out of range": (
+        SPHERE.format('\n<float name="radius" value="-1"/>'),
+        'scene.xml:4:29: error: "radius" must be at least 0, not -1\n'
+        '    <float name="radius" value="-1"/></shape>\n'
+        "                                ^",
+    ),
+    "unknown id": (
+        '<bsdf type="diffuse" id="white"/>\n' + SPHERE.format('<ref id="whit"/>'),
+        'scene.xml:4:31: error: nothing has the id "whit"; did you mean "white"?\n'
+        '    <shape type="sphere"><ref id="whit"/></shape>\n'
+        "                                  ^",
+    ),
+    "id used twice": (
+        '<bsdf type="diffuse" id="a"/>\n<texture type="checkerboard" id="a"/>',
+        'scene.xml:4:1: error: the id "a" is used twice; first at scene.xml:3:1\n'
+        '    <texture type="checkerboard" id="a"/>\n'
+        "    ^",
+    ),
+    "alias of an id that is taken": (
+        '<bsdf type="diffuse" id="a"/>\n<alias id="a" as="a"/>',
+        'scene.xml:4:19: error: the id "a" is used twice; first at scene.xml:3:1\n'
+        '    <alias id="a" as="a"/>\n'
+        "                      ^",
+    ),
+    "aliases in a circle": (
+        '<alias id="a" as="b"/><alias id="b" as="a"/>',
+        "scene.xml:3:19: error: aliases go in a circle: b -> a -> b\n"
+        '    <alias id="a" as="b"/><alias id="b" as="a"/>\n'
+        "                      ^",
+    ),
+    "objects in a circle": (
+        '<bsdf type="twosided" id="a"><ref id="b"/></bsdf>\n'
+        '<bsdf type="twosided" id="b"><ref id="a"/></bsdf>',
+        "scene.xml:3:1: error: objects contain each other: a -> b -> a\n"
+        '    <bsdf type="twosided" id="a"><ref id="b"/></bsdf>\n'
+        "    ^",
+    ),
+    "an unknown choice": (
+        SPHERE.format('<bsdf type="roughconductor">\n<string name="distribution" value="gxx"/></bsdf>'),
+        'scene.xml:4:36: error: "gxx" is no choice for "distribution"; did you mean "ggx"?\n'
+        '    <string name="distribution" value="gxx"/></bsdf></shape>\n'
+        "                                       ^",
+    ),
+    "an unknown metal": (
+        SPHERE.format('<bsdf type="conductor">\n<string name="material" value="Agg"/></bsdf>'),
+        'scene.xml:4:32: error: no conductor is called "Agg"; did you mean "Ag"?\n'
+        '    <string name="material" value="Agg"/></bsdf></shape>\n'
+        "                                   ^",
+    ),
+    "an unknown index of refraction": (
+        SPHERE.format('<bsdf type="dielectric">\n<string name="int_ior" value="watr"/></bsdf>'),
+        'scene.xml:4:31: error: no index of refraction is known for "watr"; did you mean "water"?\n'
+        '    <string name="int_ior" value="watr"/></bsdf></shape>\n'
+        "                                  ^",
+    ),
+    "a matrix of the wrong size": (
+        SPHERE.format('<transform name="to_world">\n<matrix value="1 2 3"/></transform>'),
+        'scene.xml:4:16: error: expected 9 or 16 numbers, found "1 2 3"\n'
+        '    <matrix value="1 2 3"/></transform></shape>\n'
+        "                   ^",
+    ),
+    "not a transformation": (
+        SPHERE.format('<transform name="to_world">\n<translat x="1"/></transform>'),
+        'scene.xml:4:1: error: <translat> is no transformation; did you mean "translate"?\n'
+        '    <translat x="1"/></transform></shape>\n'
+        "    ^",
+    ),
+    "wavelengths that fall": (
+        SPHERE.format('<bsdf type="diffuse">\n<spectrum name="reflectance" value="500:1, 400:1"/></bsdf>'),
+        "scene.xml:4:37: error: wavelengths must rise, but 400 follows 500\n"
+        '    <spectrum name="reflectance" value="500:1, 400:1"/></bsdf></shape>\n'
+        "                                        ^",
+    ),
+    "an area light alone": (
+        '<emitter type="area"/>',
+        'scene.xml:3:1: error: an area light must stand inside a shape\n    <emitter type="area"/>\n    ^',
+    ),
+    "an adapter without its material": (
+        SPHERE.format('\n<bsdf type="twosided"/>'),
+        'scene.xml:4:1: error: bsdf "twosided" needs one or two bsdfs inside\n'
+        '    <bsdf type="twosided"/></shape>\n'
+        "    ^",
+    ),
+    "a file without a name": (
+        '<shape type="obj"/>',
+        'scene.xml:3:1: error: shape "obj" needs the string "filename"\n    <shape type="obj"/>\n    ^',
+    ),
+}
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_golden_message(name: str, tmp_path: Path) -> None:
+    body, expected = GOLDEN[name]
+    assert error_of(tmp_path, body) == expected
+
+
+WARNINGS = {
+    "unknown property": (
+        SPHERE.format('<float name="radus" value="1"/>'),
+        'scene.xml:3:35: warning: shape "sphere" has no use for the property "radus"; did you mean "radius"?',
+    ),
+    "unknown attribute": (
+        SPHERE.format('<float name="radius" value="1" unit="m"/>'),
+        'scene.xml:3:59: warning: <float> has no attribute "unit"; valid: intent, name, value',
+    ),
+    "misspelt plugin": (
+        SPHERE.format('<bsdf type="difuse"/>'),
+        'scene.xml:3:34: warning: there is no bsdf "difuse"; "diffuse" is used',
+    ),
+    "plugin with a known substitute": (
+        SPHERE.format('<bsdf type="ward"/>'),
+        'scene.xml:3:34: warning: there is no bsdf "ward"; "roughplastic" is used',
+    ),
+    "plugin without a substitute": (
+        '<emitter type="laser"/>',
+        'scene.xml:3:16: warning: there is no emitter "laser"; it is left out',
+    ),
+    "undefined parameter": (
+        SPHERE.format('<float name="radius" value="$r"/>'),
+        'scene.xml:3:50: warning: parameter "$r" is not defined, <float> is left out',
+    ),
+    "undefined plugin type": (
+        SPHERE.format('<bsdf type="$material"/>'),
+        'scene.xml:3:34: warning: parameter "$material" is not defined, the default bsdf is used',
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WARNINGS)
+def test_unknown_names_warn_and_are_errors_when_strict(name: str, tmp_path: Path) -> None:
+    body, expected = WARNINGS[name]
+    assert messages(read(tmp_path, body), tmp_path) == [expected]
+    refusal = error_of(tmp_path, body, strict=True).splitlines()[0]
+    assert refusal == expected.replace(": warning: ", ": error: ")
+
+
+def test_reflectance_above_one_is_clamped(tmp_path: Path) -> None:
+    body = SPHERE.format('<bsdf type="diffuse"><rgb name="reflectance" value="1.5 .2 .2"/></bsdf>')
+    description = read(tmp_path, body, strict=True)
+    assert description.core["bsdfs"][0]["reflectance"] == (1.0, 0.2, 0.2)
+    assert messages(description, tmp_path) == [
+        'scene.xml:3:74: warning: "reflectance" of bsdf "diffuse" is above 1 (1.5, 0.2, 0.2) and clamped'
+    ]
+
+
+def test_repeated_warnings_are_counted(tmp_path: Path) -> None:
+    body = SPHERE.format('<float name="radus" value="1"/>') * 3
+    assert [w.count for w in read(tmp_path, body).warnings if "radus" in str(w)] == [3]
+
+
+def test_missing_file_tells_where_it_was_sought(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    body = '<path value="meshes"/><shape type="obj"><string name="filename" value="no.obj"/></shape>'
+    first_line = error_of(tmp_path, body).replace(str(tmp_path), "HERE").splitlines()[0]
+    assert first_line == 'scene.xml:3:72: error: file "no.obj" not found; searched: HERE, meshes'
+
+
+def test_long_lines_are_cut_around_the_caret(tmp_path: Path) -> None:
+    body = SPHERE.format(" " * 200 + '<float name="radius" value="x"/>' + " " * 200)
+    _, excerpt, caret = error_of(tmp_path, body).split("\n")
+    assert len(excerpt) <= 104
+    assert excerpt[caret.index("^")] == "x"
+
+
+def test_unused_parameter(tmp_path: Path) -> None:
+    path = write_scene(tmp_path, SPHERE.format('<float name="radius" value="$radius"/>'))
+    message = error(path, parameters={"radius": "1", "raduis": "2"}, strict=True)
+    assert 'parameter "raduis" is used nowhere; did you mean "radius"?' in message
+
+
+HOSTILE = {
+    "empty": (b"", "not valid XML: no element found"),
+    "binary": (bytes(range(256)), "not valid XML"),
+    "NUL": (b'<scene version="3.0.0">\0</scene>', "not valid XML: not well-formed"),
+    "cut short": (b'<scene version="3.0.0"><shape ty', "not valid XML: unclosed token"),
+    "entities": (
+        b'<!DOCTYPE s [<!ENTITY a "aa">]><scene version="3.0.0">&a;</scene>',
+        "entities are refused",
+    ),
+    "undefined entity": (b'<scene version="3.0.0">&a;</scene>', "not valid XML: undefined entity"),
+    "deep": (b'<scene version="3.0.0">' + b'<bsdf type="mask">' * 100_000, "nested more than 64 deep"),
+    "another root": (b"<html/>", "the root element is <html>, not <scene>"),
+    "no version number": (b'<scene version="new"/>', '"new" is not a version'),
+    "unknown encoding": (b'<?xml version="1.0" encoding="hex"?><scene/>', 'unknown text encoding "hex"'),
+    "itself": (b'<scene version="3.0.0"><include filename="hostile.xml"/></scene>', "includes itself"),
+    "growing defaults": (
+        b'<scene version="3.0.0"><default name="a0" value="aaaaaaaaaa"/>'
+        + b"".join(b'<default name="a%d" value="%s"/>' % (i, b"$a%d" % (i - 1) * 10) for i in range(1, 9))
+        + b"</scene>",
+        "longer than 1000000 characters",
+    ),
+    "a long chain": (
+        b'<scene version="3.0.0">'
+        + b"".join(b'<bsdf type="twosided" id="b%d"><ref id="b%d"/></bsdf>' % (i, i + 1) for i in range(5000))
+        + b'<bsdf type="diffuse" id="b5000"/></scene>',
+        "objects are nested more than 64 deep",
+    ),
+    "a long number": (
+        b'<scene version="3.0.0"><shape type="sphere"><float name="radius" value="%s"/></shape></scene>'
+        % (b"9" * 1_000_000),
+        "expected a number",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_text(name: str, tmp_path: Path) -> None:
+    data, expected = HOSTILE[name]
+    path = tmp_path / "hostile.xml"
+    path.write_bytes(data)
+    message = error(path)
+    assert message.startswith("hostile.xml") and expected in message
+    assert len(message) < 1000
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "latin-1"])
+def test_encodings(encoding: str, tmp_path: Path) -> None:
+    body = SPHERE.format('<!-- caf\u00e9 --><float name="r\u00e9" value="1"/>')
+    path = write_scene(tmp_path, body)
+    path.write_bytes(path.read_text(encoding="utf-8").encode(encoding))
+    said = "\n".join(error(path, strict=True).splitlines())
+    assert 'property "r\u00e9"' in said
+
+
+@pytest.mark.parametrize("path", ["/", "/nonexistent/scene.xml", "/dev/zero"])
+def test_what_is_no_file(path: str) -> None:
+    assert "error: " in error(Path(path))
