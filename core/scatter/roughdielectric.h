@@ -53,7 +53,7 @@ struct RoughDielectric {
     private:
         struct Split {
             Spectrum reflected, transmitted;
-            float p_reflect; // of choosing reflection
+            float p_reflect, p_transmit; // of choosing either; zero where it is black
             float cos_t;
         };
 
@@ -62,8 +62,8 @@ struct RoughDielectric {
         Split split(float cos_o, float beyond) const {
             const auto [f, cos_t] = fresnel_dielectric(cos_o, beyond);
             const Spectrum r = reflectance * f, t = transmittance * (1 - f);
-            const float p = mean(r);
-            return {r, t, p > 0 ? p / (p + mean(t)) : 0, cos_t};
+            const float p_r = mean(r), p_t = mean(t), total = std::max(p_r + p_t, 1e-30f);
+            return {r, t, p_r / total, p_t / total, cos_t};
         }
 
         // With wo above the surface; `beyond` is the index of refraction below relative to that above.
@@ -83,8 +83,7 @@ struct RoughDielectric {
             }
             const float density =
                 surface.visible(wo, m) * cos_o * sqr(beyond) * std::abs(cos_i) / h2; // eq. 17
-            return {s.transmitted * (density * surface.masking(mirror(wi))), density * (1 - s.p_reflect),
-                    beyond};
+            return {s.transmitted * (density * surface.masking(mirror(wi))), density * s.p_transmit, beyond};
         }
 
         std::optional<BsdfSample> sample_above(Vec3f wo, float u_lobe, Vec2f u, float beyond) const {
