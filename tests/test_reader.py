@@ -135,6 +135,26 @@ def test_no_integrator(tmp_path: Path) -> None:
     assert "the scene has no sensor" in error(path)
 
 
+def test_no_sensor_in_an_old_file(tmp_path: Path) -> None:
+    """The unit cube around (1, 2, 3) fills the 45 degrees of the added camera."""
+    path = tmp_path / "scene.xml"
+    place = '<transform name="toWorld"><translate x="1" y="2" z="3"/></transform>'
+    path.write_text(f'<scene version="0.6.0"><shape type="cube">{place}</shape></scene>')
+    description = load_description(path)
+    sensor = description.core["sensor"]
+    distance = 1 / np.tan(np.radians(22.5))
+    assert np.allclose(sensor["to_world"][:3, 3], [1, 2, 2 - distance])
+    assert sensor["fov"] == 45 and sensor["near_clip"] < distance < sensor["far_clip"]
+    assert "one that sees everything is added" in messages(description, tmp_path)[0]
+
+
+def test_of_several_sensors(tmp_path: Path) -> None:
+    """Mitsuba 3 takes the first, 0.6 the last."""
+    second = '<sensor type="orthographic"/>'
+    assert read(tmp_path, second).core["sensor"]["type"] == "perspective"
+    assert read(tmp_path, second, "0.6.0").core["sensor"]["type"] == "orthographic"
+
+
 def test_a_missing_version_is_guessed_from_the_names(tmp_path: Path) -> None:
     path = tmp_path / "scene.xml"
     path.write_text('<scene><integrator type="path"><integer name="maxDepth" value="3"/></integrator>'

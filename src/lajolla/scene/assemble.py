@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .build import Builder
+from .default_camera import default_camera
 from .errors import SceneError
 from .nodes import Node, Property, Rgb
 from .schema import Slot
@@ -30,8 +31,8 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     if not builder.emitters:
         builder.diagnostics.warn("the scene has no light and is black", scene.location)
     sensor = _only(builder, scene, "sensor")
-    if sensor is None:
-        raise SceneError("the scene has no sensor", scene.location)
+    camera = _sensor(builder, sensor) if sensor else _missing_sensor(builder, scene)
+    sensor = sensor or _implied(scene, "sensor", "perspective")
     film = _only(builder, sensor, "film") or _implied(sensor, "film", "hdrfilm")
     return {
         "textures": builder.textures,
@@ -39,7 +40,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
         "materials": builder.materials,
         "emitters": builder.emitters,
         "shapes": builder.shapes,
-        "sensor": _sensor(builder, sensor),
+        "sensor": camera,
         "film": builder.construct(film),
         "rfilter": builder.construct(
             _only(builder, film, "rfilter") or _implied(film, "rfilter", "gaussian")
@@ -54,12 +55,13 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
 
 
 def _only(builder: Builder, parent: Node, kind: str) -> Node | None:
-    """The one child of a kind; the first one where there are several."""
+    """The one child of a kind; of several the first, but the last sensor in files before 2.0."""
     found = [node for _, node in parent.children(kind)]
+    if len(found) > 1 and kind == "sensor" and parent.version < (2, 0, 0):
+        found.reverse()
     if len(found) > 1:
-        builder.diagnostics.warn(
-            f"{parent.kind} has {len(found)} of kind {kind}; the first one counts", found[1].location
-        )
+        message = f"{parent.kind} has {len(found)} of kind {kind}; only this one counts"
+        builder.diagnostics.warn(message, found[0].location)
     return found[0] if found else None
 
 
@@ -73,6 +75,14 @@ def _default_integrator(builder: Builder, scene: Node) -> Node:
         return _implied(scene, "integrator", "direct")
     builder.diagnostics.unknown('the scene has no integrator; "path" is used', scene.location)
     return _implied(scene, "integrator", "path")
+
+
+def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
+    """In files before 2.0 a camera that sees everything; newer files must have one."""
+    if scene.version >= (2, 0, 0):
+        raise SceneError("the scene has no sensor", scene.location)
+    builder.diagnostics.warn("the scene has no sensor; one that sees everything is added", scene.location)
+    return default_camera(builder.shapes)
 
 
 def _sensor(builder: Builder, node: Node) -> dict[str, Any]:
