@@ -2,10 +2,10 @@
 
     python bench/peer.py [--runs 5] [--threads N] [--scenes FOLDER] [NAME ...]
 
-Both render the same scene files at the file's own film size, with 16 samples per pixel and paths of at most 8
-segments. Runs alternate, so that a busy machine slows both; the table gives medians of the render time alone. A
-first run of each, which compiles Mitsuba's kernels, is not counted. Mitsuba runs its variant `llvm_ad_rgb` where
-an LLVM library is found, else `scalar_rgb`, with its `independent` sampler; lajolla runs its default sampler.
+Both render the same scene files at the file's own film size, with 16 samples per pixel and paths of at most
+8 segments. Runs alternate, so that a busy machine slows both; the table gives medians of the render time. A
+first run of each, which compiles Mitsuba's kernels, is not counted. Mitsuba runs its variant `llvm_ad_rgb`
+where an LLVM library is found, else `scalar_rgb`, with its `independent` sampler; lajolla runs its default.
 """
 
 from __future__ import annotations
@@ -82,13 +82,9 @@ def compare(path: Path, runs: int, threads: int, variant: str) -> tuple[float, f
 def main() -> int:
     """Parses the command line, prints one row per scene and returns the exit code."""
     parser = argparse.ArgumentParser(description="Times lajolla against the mitsuba package.")
-    parser.add_argument(
-        "names", nargs="*", metavar="NAME", help=f"scenes to run, of {', '.join(SCENES)} (all)"
-    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(SCENES)} (all)")
     parser.add_argument("--runs", type=int, default=5, help="counted runs of each renderer (%(default)s)")
-    parser.add_argument(
-        "--threads", type=int, default=os.cpu_count() or 1, help="threads of both (all cores)"
-    )
+    parser.add_argument("--threads", type=int, default=os.cpu_count(), help="threads of each (all cores)")
     parser.add_argument("--scenes", type=Path, default=ROOT.parent / "shared" / "scenes", help="scene folder")
     options = parser.parse_args()
     unknown = [name for name in options.names if name not in SCENES]

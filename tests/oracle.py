@@ -43,8 +43,8 @@ FILTER_TYPES = {"trilinear": "bilinear", "ewa": "bilinear"}
 class Setup:
     """What a comparison changes in a scene; None leaves the file's own value.
 
-    A new film size drops the file's crop window. Roulette starts beyond every path: with it, the renderers would
-    sample the same mean with different, sometimes unbounded, variance.
+    A new film size drops the file's crop window. Roulette starts beyond every path: with it, the renderers
+    would sample the same mean with different, sometimes unbounded, variance.
     """
 
     width: int | None = None

@@ -8,11 +8,13 @@ within three standard errors plus 0.3 %, and means of 8x8 blocks at a family-wis
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from oracle import (
+    Estimate,
     Setup,
     default_variant,
     differences,
@@ -211,6 +213,27 @@ def check_small(folder: Path, text: str, setup: Setup = SETUP, spp: int = 1024, 
     ours = render_with_lajolla(path, spp=spp, seed=1, setup=setup)
     found = differences(ours.inner(margin), theirs.inner(margin))
     assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    ("mutant", "found"),
+    [
+        (lambda batches: batches, False),
+        (lambda batches: batches * [1, 1.01, 1], True),
+        (lambda batches: np.flip(batches, axis=2), True),
+        (lambda batches: np.roll(batches, 1, axis=1), True),
+    ],
+    ids=["none", "one-percent-of-green", "mirrored", "shifted-by-a-pixel"],
+)
+def test_the_comparison_itself(folder: Path, mutant: Callable[[np.ndarray], np.ndarray], found: bool) -> None:
+    """Two renders of the oracle agree; small errors made on purpose are seen."""
+    path = folder / "scene.xml"
+    path.write_text(scene_text(bsdf=TEXTURED))
+    first, second = (
+        render_with_mitsuba(path, spp=1024, seed=seed, setup=SETUP, variant="scalar_rgb")
+        for seed in (1000, 2000)
+    )
+    assert bool(differences(Estimate(mutant(second.batches)), first)) is found
 
 
 @pytest.mark.parametrize("emitter", ["area", "envmap"])
