@@ -33,13 +33,14 @@ struct Dielectric {
 
         std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f) const {
             const float side = std::copysign(1.0f, wo.z), beyond = wo.z > 0 ? eta : 1 / eta;
-            const auto [f, cos_t] = fresnel_dielectric(side * wo.z, beyond);
+            const float f = fresnel_dielectric(side * wo.z, beyond).reflectance;
             const Spectrum r = reflectance * f, t = transmittance * (1 - f);
-            const float total = mean(r) + mean(t), p_r = mean(r) / total;
+            const float total = mean(r) + mean(t), p_r = mean(r) / total, p_t = mean(t) / total;
             if (!(total > 0)) return std::nullopt;
             if (u_lobe < p_r) return BsdfSample{{-wo.x, -wo.y, wo.z}, r / p_r, p_r, 1, ScatterKind::specular};
-            const Vec3f wi{-wo.x / beyond, -wo.y / beyond, -side * cos_t};
-            return BsdfSample{wi, t / (1 - p_r), 1 - p_r, beyond, ScatterKind::specular};
+            const float x = -wo.x / beyond, y = -wo.y / beyond;
+            const Vec3f wi{x, y, -side * safe_sqrt(1 - x * x - y * y)};
+            return BsdfSample{wi, t / p_t, p_t, beyond, ScatterKind::specular};
         }
     };
 

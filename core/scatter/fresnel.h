@@ -14,20 +14,21 @@ struct DielectricSplit {
     float cos_t; // of the refracted direction, positive; 0 under total internal reflection
 };
 
-// cos_i >= 0; eta is the index of refraction beyond the boundary relative to that on this side.
+// eta is the index of refraction beyond the boundary relative to that on this side.
 inline DielectricSplit fresnel_dielectric(float cos_i, float eta) {
     const float cos2_t = 1 - (1 - cos_i * cos_i) / (eta * eta);
-    if (cos2_t <= 0) return {1, 0};
+    if (cos2_t <= 0 || cos_i <= 0) return {1, 0};
     const float cos_t = std::sqrt(cos2_t);
     const float r_s = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
     const float r_p = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
     return {(r_s * r_s + r_p * r_p) / 2, cos_t};
 }
 
-// The direction of transmission for w arriving around m, where dot(w, m) = cos_i > 0.
-constexpr Vec3f refract(Vec3f w, Vec3f m, float cos_i, float cos_t, float eta) {
+// The direction of transmission for w arriving around m, where dot(w, m) = cos_i > 0. Normalized: at small
+// eta it is a difference of long vectors.
+inline Vec3f refract(Vec3f w, Vec3f m, float cos_i, float cos_t, float eta) {
     const float inv_eta = 1 / eta;
-    return m * (cos_i * inv_eta - cos_t) - w * inv_eta;
+    return normalize(m * (cos_i * inv_eta - cos_t) - w * inv_eta);
 }
 
 // A metal of complex index eta + i k, seen from vacuum (Born and Wolf, "Principles of Optics", 14.2; in the
@@ -42,7 +43,8 @@ inline float fresnel_conductor(float cos_i, float eta, float k) {
     const float s_sum = a2_b2 + cos2, s_difference = 2 * cos_i * a;
     const float p_sum = a2_b2 * cos2 + sin2 * sin2, p_difference = s_difference * sin2;
     const auto ratio = [](float sum, float difference) { // 0/0 where there is no interface: eta = 1, k = 0
-        return (sum - difference) / std::max(sum + difference, std::numeric_limits<float>::min());
+        return std::max(sum - difference, 0.0f) /
+               std::max(sum + difference, std::numeric_limits<float>::min());
     };
     const float r_s = ratio(s_sum, s_difference);
     return r_s * (1 + ratio(p_sum, p_difference)) / 2;

@@ -37,28 +37,33 @@ struct Plastic {
         BsdfEval eval(Vec3f wo, Vec3f wi) const {
             if (wo.z <= 0 || wi.z <= 0) return {};
             const float f_o = fresnel_dielectric(wo.z, eta).reflectance;
-            return eval_base(f_o, specular_probability(f_o), wi);
+            return eval_base(f_o, choice(f_o).base, wi);
         }
 
         std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f u) const {
             if (wo.z <= 0) return std::nullopt;
-            const float f_o = fresnel_dielectric(wo.z, eta).reflectance, p = specular_probability(f_o);
+            const float f_o = fresnel_dielectric(wo.z, eta).reflectance;
+            const auto [p, p_base] = choice(f_o);
             if (u_lobe < p)
                 return BsdfSample{{-wo.x, -wo.y, wo.z}, reflectance * (f_o / p), p, 1, ScatterKind::specular};
             const Vec3f wi = sample_cosine_hemisphere(u);
-            const BsdfEval e = eval_base(f_o, p, wi);
+            const BsdfEval e = eval_base(f_o, p_base, wi);
             if (!(e.pdf > 0)) return std::nullopt;
             return BsdfSample{wi, e.f_cos / e.pdf, e.pdf};
         }
 
     private:
-        float specular_probability(float f_o) const {
+        struct Choice { // probabilities
+            float coat, base;
+        };
+
+        Choice choice(float f_o) const {
             const float s = f_o * specular_weight, d = (1 - f_o) * diffuse_weight;
-            return s > 0 ? s / (s + d) : 0;
+            return s > 0 ? Choice{s / (s + d), d / (s + d)} : Choice{0, 1};
         }
-        BsdfEval eval_base(float f_o, float p_specular, Vec3f wi) const {
+        BsdfEval eval_base(float f_o, float p_base, Vec3f wi) const {
             const float f_i = fresnel_dielectric(wi.z, eta).reflectance, pdf = cosine_hemisphere_pdf(wi.z);
-            return {base * (pdf * (1 - f_o) * (1 - f_i)), pdf * (1 - p_specular)};
+            return {base * (pdf * (1 - f_o) * (1 - f_i)), pdf * p_base};
         }
     };
 

@@ -45,7 +45,7 @@ struct RoughConductor {
             if (wo.z <= 0) return std::nullopt;
             const Vec3f wi = reflect(wo, surface.sample_visible(wo, u));
             const BsdfEval e = eval(wo, wi);
-            if (!(e.pdf > 0)) return std::nullopt;
+            if (!(e.pdf > 1e-30f)) return std::nullopt;
             return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1, ScatterKind::glossy};
         }
     };

@@ -95,7 +95,7 @@ struct RoughDielectric {
             const Vec3f wi = reflected ? reflect(wo, m) : refract(wo, m, cos_o, s.cos_t, beyond);
             if (reflected != (wi.z > 0)) return std::nullopt;
             const BsdfEval e = eval_above(wo, wi, beyond);
-            if (!(e.pdf > 0)) return std::nullopt;
+            if (!(e.pdf > 1e-30f)) return std::nullopt;
             return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, reflected ? 1 : beyond, ScatterKind::glossy};
         }
     };

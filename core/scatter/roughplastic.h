@@ -58,34 +58,39 @@ struct RoughPlastic {
         BsdfEval eval(Vec3f wo, Vec3f wi) const {
             if (wo.z <= 0 || wi.z <= 0) return {};
             const float t = (*entering)(wo.z);
-            return eval_above(wo, wi, t, specular_probability(t));
+            return eval_above(wo, wi, t, choice(t));
         }
 
         std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f u) const {
             if (wo.z <= 0) return std::nullopt;
-            const float t = (*entering)(wo.z), p = specular_probability(t);
-            const bool specular = u_lobe < p;
+            const float t = (*entering)(wo.z);
+            const Choice p = choice(t);
+            const bool specular = u_lobe < p.coat;
             const Vec3f wi =
                 specular ? reflect(wo, surface.sample_visible(wo, u)) : sample_cosine_hemisphere(u);
             if (wi.z <= 0) return std::nullopt;
             const BsdfEval e = eval_above(wo, wi, t, p);
-            if (!(e.pdf > 0)) return std::nullopt;
+            if (!(e.pdf > 1e-30f)) return std::nullopt;
             return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1,
                               specular ? ScatterKind::glossy : ScatterKind::diffuse};
         }
 
     private:
-        float specular_probability(float t) const {
+        struct Choice { // probabilities
+            float coat, base;
+        };
+
+        Choice choice(float t) const {
             const float s = (1 - t) * specular_weight, d = t * diffuse_weight;
-            return s > 0 ? s / (s + d) : 0;
+            return s > 0 ? Choice{s / (s + d), d / (s + d)} : Choice{0, 1};
         }
-        BsdfEval eval_above(Vec3f wo, Vec3f wi, float t, float p_specular) const {
+        BsdfEval eval_above(Vec3f wo, Vec3f wi, float t, Choice p) const {
             const Vec3f m = normalize(wo + wi);
             const float density = surface.visible(wo, m) / 4, cosine = cosine_hemisphere_pdf(wi.z);
             const float f = fresnel_dielectric(dot(wo, m), eta).reflectance;
             return {reflectance * (f * density * surface.masking(wi)) +
                         base * (cosine * t * (*entering)(wi.z)),
-                    density * p_specular + cosine * (1 - p_specular)};
+                    density * p.coat + cosine * p.base};
         }
     };
 

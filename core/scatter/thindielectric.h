@@ -37,10 +37,10 @@ struct ThinDielectric {
             const float face = fresnel_dielectric(std::abs(wo.z), eta).reflectance;
             const float sheet = 2 * face / (1 + face);
             const Spectrum r = reflectance * sheet, t = transmittance * (1 - sheet);
-            const float total = mean(r) + mean(t), p_r = mean(r) / total;
+            const float total = mean(r) + mean(t), p_r = mean(r) / total, p_t = mean(t) / total;
             if (!(total > 0)) return std::nullopt;
             if (u_lobe < p_r) return BsdfSample{{-wo.x, -wo.y, wo.z}, r / p_r, p_r, 1, ScatterKind::specular};
-            return BsdfSample{-wo, t / (1 - p_r), 1 - p_r, 1, ScatterKind::null};
+            return BsdfSample{-wo, t / p_t, p_t, 1, ScatterKind::null};
         }
     };
 
