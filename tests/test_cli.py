@@ -121,6 +121,10 @@ def test_pixel(capsys: Capture) -> None:
         ("render room.xml --exposure inf", "not a number from -100 to 100"),
         ("render room.xml -D level", "'level' is not NAME=VALUE"),
         ("render room.xml --sample 1", "--sample needs --pixel"),
+        ("render room.xml --pixel 0,0 --sample 99999999999", "sample must be in 0 to"),
+        ("render room.xml --threads 100000", "threads must be in 1 to 1024"),
+        ("render room.xml --seed 99999999999", "seed"),
+        ("render room.xml --size 99999999x1", "width"),
         ("render room.xml --pixel 16,0", "pixel 16,0 is outside of the picture, 16 x 12"),
         ("render room.xml --integrator pth", "no integrator 'pth'; did you mean 'path'?"),
         (

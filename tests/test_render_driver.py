@@ -149,9 +149,11 @@ def test_options_of_load_dict() -> None:
         lajolla.load_dict(SCENE, sp=3)
 
 
-@pytest.mark.parametrize("options", [{"spp": 0}, {"threads": 0}])
+@pytest.mark.parametrize(
+    "options", [{"spp": 0}, {"spp": 2**40}, {"threads": 0}, {"threads": 2**20}, {"seed": -1}]
+)
 def test_impossible_numbers(scene: lajolla.Scene, options: dict[str, int]) -> None:
-    with pytest.raises(lajolla.OptionError, match="must be at least 1, not 0"):
+    with pytest.raises(lajolla.OptionError, match=f"must be in .*, not {next(iter(options.values()))}"):
         scene.render(**options)
 
 

@@ -142,7 +142,7 @@ def _report_nonfinite(rendering: Rendering, arguments: argparse.Namespace) -> No
     if count == 0:
         return
     x, y, sample = rendering.accumulator.nonfinite_list[0]
-    say(f"warning: {count} sample{'s were' if count > 1 else ' was'} not finite and left out")
+    say(f"warning: {count} sample{'s were' if count > 1 else ' was'} not finite and count as black")
     say(f"the first is sample {sample} of pixel {x},{y}: {replay_command(arguments, x, y, sample)}")
 
 

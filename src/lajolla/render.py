@@ -19,6 +19,10 @@ from lajolla.scene import Description, SceneWarning, describe, load_description
 PASS_SECONDS = 2.0  # passes grow until they take about this long; an interrupted one is lost
 POLL_SECONDS = 0.1
 
+MAX_SAMPLES = 2**30  # as in the core
+MAX_SEED = 2**32 - 1
+MAX_THREADS = 1024  # TBB hangs far above
+
 
 class OptionError(ValueError):
     """A render option that does not fit the scene."""
@@ -176,9 +180,9 @@ class Scene:
         spp = self.core.sample_count if spp is None else spp
         seed = self.core.seed if seed is None else seed
         threads = available_threads() if threads is None else threads
-        for name, value in (("spp", spp), ("threads", threads)):
-            if value < 1:
-                raise OptionError(f"{name} must be at least 1, not {value}")
+        _check_range("spp", spp, 1, MAX_SAMPLES)
+        _check_range("seed", seed, 0, MAX_SEED)
+        _check_range("threads", threads, 1, MAX_THREADS)
         return Rendering(self.core, spp=spp, seed=seed, threads=threads)
 
     def render(
@@ -210,16 +214,23 @@ class Scene:
         if not (0 <= x < self.width and 0 <= y < self.height):
             raise OptionError(f"pixel {x},{y} is outside of the picture, {self.width} x {self.height}")
         seed = self.core.seed if seed is None else seed
+        _check_range("seed", seed, 0, MAX_SEED)
+        _check_range("sample", sample or 0, 0, MAX_SAMPLES - 1)
         samples = range(self.core.sample_count) if sample is None else [sample]
         values = [_core.sample_radiance(self.core, seed, x, y, index) for index in samples]
         return np.mean(np.asarray(values, np.float64), axis=0)
 
 
+def _check_range(name: str, value: int, lowest: int, highest: int) -> None:
+    if not lowest <= value <= highest:
+        raise OptionError(f"{name} must be in {lowest} to {highest}, not {value}")
+
+
 def available_threads() -> int:
     """The number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+        return min(MAX_THREADS, len(os.sched_getaffinity(0)))
+    return min(MAX_THREADS, os.cpu_count() or 1)
 
 
 def load(
