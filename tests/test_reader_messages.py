@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from reader_tools import error, error_of, messages, read, write_scene
 
+from lajolla import _core
+
 SPHERE = '<shape type="sphere">{}</shape>'
 
 GOLDEN = {
@@ -189,6 +191,14 @@ def test_missing_file_tells_where_it_was_sought(tmp_path: Path) -> None:
     body = '<path value="meshes"/><shape type="obj"><string name="filename" value="no.obj"/></shape>'
     first_line = error_of(tmp_path, body).replace(str(tmp_path), "HERE").splitlines()[0]
     assert first_line == 'scene.xml:3:72: error: file "no.obj" not found; searched: HERE, meshes'
+
+
+def test_what_the_core_refuses_has_a_place(tmp_path: Path) -> None:
+    description = read(tmp_path, SPHERE.format("") + "\n" + SPHERE.format('<float name="radius" value="0"/>'))
+    with pytest.raises(_core.DescriptionError) as caught:
+        _core.Scene(description.core)
+    first_line = str(description.refusal(caught.value)).replace(f"{tmp_path}/", "").splitlines()[0]
+    assert first_line.startswith("scene.xml:4:1: error: ") and "radius above zero" in first_line
 
 
 def test_long_lines_are_cut_around_the_caret(tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ its type; `upgrade` turns old files into the words of Mitsuba 3; `resolve` follo
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 from .assemble import assemble
 from .build import Builder, plugins_by_kind
 from .dict_reader import nodes_from_dict
-from .errors import Diagnostics, SceneError, SceneWarning
+from .errors import Diagnostics, Location, SceneError, SceneWarning
 from .expand import expand_file
 from .plugins import READER_PLUGINS
 from .resolve import resolve
@@ -32,10 +33,22 @@ NO_PARAMETERS: Mapping[str, str] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Description:
-    """A scene as `_core.Scene` takes it, and what was not read as written."""
+    """A scene as `_core.Scene` takes it, what was not read as written, and where each entry comes from."""
 
     core: dict[str, Any]
     warnings: list[SceneWarning]
+    places: Mapping[str, Location] = field(default_factory=dict)
+
+    def refusal(self, problem: Exception) -> SceneError:
+        """The error to raise when the core refuses the description: the core's message at its place.
+
+        Args:
+            problem: a `_core.DescriptionError`; its text begins with the entry, such as "shapes[3] (sphere): ".
+        """
+        entry = re.match(r"\w+(\[\d+\])?", str(problem))
+        place = self.places.get(entry.group()) if entry else None
+        message = re.sub(r"^[^:]*: ", "", str(problem)) if place else str(problem)
+        return SceneError(message, place)
 
 
 def load_description(
@@ -103,4 +116,4 @@ def _core() -> ModuleType:
 def _describe(tree: Tree, builder: Builder) -> Description:
     resolve(tree)
     core = assemble(builder, tree.root)
-    return Description(core, builder.diagnostics.warnings)
+    return Description(core, builder.diagnostics.warnings, builder.places)

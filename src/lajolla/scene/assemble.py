@@ -8,9 +8,8 @@ from .build import Builder
 from .default_camera import default_camera
 from .errors import SceneError
 from .nodes import Node, Property, Rgb
+from .plugins.bsdfs import TRANSMISSIVE
 from .schema import Slot
-
-TRANSMISSIVE = ("dielectric", "thindielectric", "roughdielectric", "null")
 
 
 def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
@@ -87,6 +86,7 @@ def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
 
 def _sensor(builder: Builder, node: Node) -> dict[str, Any]:
     _warn_of_media(builder, node)
+    builder.places["sensor"] = node.location
     entry = builder.construct(node)
     if entry is None:
         raise SceneError(f"{node} is not supported", node.plugin_location)
@@ -103,7 +103,7 @@ def _add_emitter(builder: Builder, node: Node) -> None:
         raise SceneError("an area light must stand inside a shape", node.location)
     entry = builder.construct(node)
     if entry is not None:
-        builder.emitters.append(entry)
+        builder.add("emitters", entry, node)
 
 
 def _add_shape(builder: Builder, node: Node) -> None:
@@ -113,7 +113,7 @@ def _add_shape(builder: Builder, node: Node) -> None:
         return
     emitter = _area_light(builder, node)
     material = builder.add_material(_material(builder, node, emits=emitter >= 0))
-    builder.shapes.append({**entry, "material": material, "emitter": emitter})
+    builder.add("shapes", {**entry, "material": material, "emitter": emitter}, node)
 
 
 def _area_light(builder: Builder, shape: Node) -> int:
@@ -124,8 +124,7 @@ def _area_light(builder: Builder, shape: Node) -> int:
     if node.plugin.lower() != "area":
         builder.diagnostics.unknown(f"{node} cannot stand inside a shape and is left out", node.location)
         return -1
-    builder.emitters.append(builder.construct(node))
-    return len(builder.emitters) - 1
+    return builder.add("emitters", builder.construct(node), node)
 
 
 def _material(builder: Builder, shape: Node, *, emits: bool) -> Slot:

@@ -53,6 +53,7 @@ class Builder:
     built: dict[Node, Any] = field(default_factory=dict)  # textures and bsdfs are shared
     bsdf_indices: dict[str, int] = field(default_factory=dict)
     slots: dict[Slot, int] = field(default_factory=dict)
+    places: dict[str, Location] = field(default_factory=dict)  # of entries: "shapes[3]"
     files: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # meshes and images are read once
 
     def __post_init__(self) -> None:
@@ -144,8 +145,7 @@ class Builder:
         if node not in self.built:
             value = self.construct(node)
             if isinstance(value, dict) and "type" in value:
-                self.textures.append(value)
-                value = {"texture": len(self.textures) - 1}
+                value = {"texture": self.add("textures", value, node)}
             self.built[node] = value
         return self.built[node]
 
@@ -153,15 +153,21 @@ class Builder:
         """The material slot of a bsdf; None when it is left out."""
         if node not in self.built:
             result = self.construct(node)
-            self.built[node] = Slot(self.add_bsdf(result), -1) if isinstance(result, dict) else result
+            self.built[node] = Slot(self.add_bsdf(result, node), -1) if isinstance(result, dict) else result
         return self.built[node]
 
-    def add_bsdf(self, entry: dict[str, Any]) -> int:
+    def add(self, where: str, entry: dict[str, Any], node: Node) -> int:
+        """Adds an entry to a list of the description; its index."""
+        entries: list[dict[str, Any]] = getattr(self, where)
+        self.places[f"{where}[{len(entries)}]"] = node.location
+        entries.append(entry)
+        return len(entries) - 1
+
+    def add_bsdf(self, entry: dict[str, Any], node: Node) -> int:
         """The index of a bsdf; the same entry is not added twice."""
         key = repr(entry)
         if key not in self.bsdf_indices:
-            self.bsdf_indices[key] = len(self.bsdfs)
-            self.bsdfs.append(entry)
+            self.bsdf_indices[key] = self.add("bsdfs", entry, node)
         return self.bsdf_indices[key]
 
     def add_material(self, slot: Slot) -> int:

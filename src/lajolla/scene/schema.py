@@ -84,7 +84,7 @@ class Plugin:
 
     kind: str
     name: str
-    doc: str
+    doc: str  # empty: that of the core model of the same name
     fields: tuple[Field, ...]
     build: Callable[[Builder, Node, dict[str, Any]], Any]
     children: tuple[str, ...] = ()
@@ -92,13 +92,12 @@ class Plugin:
     hidden: tuple[str, ...] = ()  # fields of the model that scenes do not set
 
     def with_model(self, schema: Schema) -> Plugin:
-        """The same plugin with the fields of its core model before its own."""
+        """The same plugin with the fields of its core model before its own, and its doc if it has none."""
+        doc = self.doc or schema.get(self.kind, {}).get(self.name, {"doc": ""})["doc"]
         shared = fields_of(schema, self.kind, self.model) if self.model else ()
         own = {f.name for f in self.fields}
         kept = [f for f in shared if f.name not in own and f.name not in self.hidden]
-        return Plugin(
-            self.kind, self.name, self.doc, (*kept, *self.fields), self.build, self.children, self.model
-        )
+        return Plugin(self.kind, self.name, doc, (*kept, *self.fields), self.build, self.children, self.model)
 
     def described(self) -> dict[str, Any]:
         """The plugin in the form of `_core.schema()`."""

@@ -111,17 +111,17 @@ ALPHA = (
 OPACITY = Field("opacity", "texture_float", "fraction of light that the material stops", 0.5, 0.0, 1.0)
 
 PLUGINS = (
-    Plugin("bsdf", "conductor", "Smooth metal or mirror.", MATERIAL, _conductor, model="conductor"),
+    Plugin("bsdf", "conductor", "", MATERIAL, _conductor, model="conductor"),
     Plugin(
         "bsdf",
         "roughconductor",
-        "Rough metal.",
+        "",
         (*MATERIAL, *ALPHA),
         _rough_conductor,
         model="roughconductor",
     ),
-    Plugin("bsdf", "roughdielectric", "Rough glass.", ALPHA, _rough_dielectric, model="roughdielectric"),
-    Plugin("bsdf", "roughplastic", "Rough plastic.", (ALPHA[1],), _rough_plastic, model="roughplastic"),
+    Plugin("bsdf", "roughdielectric", "", ALPHA, _rough_dielectric, model="roughdielectric"),
+    Plugin("bsdf", "roughplastic", "", (ALPHA[1],), _rough_plastic, model="roughplastic"),
     Plugin("bsdf", "twosided", "The same, or another, bsdf on the back.", (), _two_sided, ("bsdf",)),
     Plugin("bsdf", "mask", "A bsdf with holes.", (OPACITY,), _mask, ("bsdf",)),
 )

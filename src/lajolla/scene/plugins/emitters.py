@@ -59,15 +59,13 @@ PLUGINS = (
     Plugin(
         "emitter",
         "envmap",
-        "Light from far away, from a panorama.",
+        "",
         (FILENAME,),
         _envmap,
         model="envmap",
         hidden=("image",),
     ),
-    Plugin("emitter", "point", "Light from a point.", (PLACE,), _point, model="point"),
-    Plugin(
-        "emitter", "directional", "Parallel light from far away.", (PLACE,), _directional, model="directional"
-    ),
-    Plugin("emitter", "spot", "A cone of light from a point, along +z.", (), _spot, model="spot"),
+    Plugin("emitter", "point", "", (PLACE,), _point, model="point"),
+    Plugin("emitter", "directional", "", (PLACE,), _directional, model="directional"),
+    Plugin("emitter", "spot", "", (), _spot, model="spot"),
 )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import Location, SceneError
 from ..literals import Text, parse_float
 from ..nodes import Node
-from ..schema import Field, Plugin
+from ..schema import CHILDREN, Field, Plugin
 
 if TYPE_CHECKING:
     from ..build import Builder
@@ -75,17 +75,17 @@ FILM_FIELDS = (
 
 PLUGINS = (
     *(
-        Plugin("sensor", name, doc, (FOCAL_LENGTH,), _perspective, ("film", "sampler", "medium"), name)
-        for name, doc in (("perspective", "A pinhole camera."), ("thinlens", "A camera with depth of field."))
+        Plugin("sensor", name, "", (FOCAL_LENGTH,), _perspective, CHILDREN["sensor"], name)
+        for name in ("perspective", "thinlens")
     ),
     *(
-        Plugin("film", name, doc, FILM_FIELDS, _film, ("rfilter",), "film")
+        Plugin("film", name, doc, FILM_FIELDS, _film, CHILDREN["film"], "film")
         for name, doc in (
             ("hdrfilm", "A picture."),
             ("ldrfilm", "A picture; tone mapping is left to the writer."),
         )
     ),
-    Plugin("sampler", "sobol", "Owen-scrambled Sobol' points.", (), _sobol, model="sobol"),
-    Plugin("sampler", "independent", "Random numbers.", (), _independent, model="independent"),
+    Plugin("sampler", "sobol", "", (), _sobol, model="sobol"),
+    Plugin("sampler", "independent", "", (), _independent, model="independent"),
     *(Plugin("sampler", name, "The same as sobol.", (), _sobol, model="sobol") for name in LOW_DISCREPANCY),
 )

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..nodes import Array, Node
-from ..schema import Content, Field, Plugin
+from ..schema import CHILDREN, Content, Field, Plugin
 from .tessellate import MeshArrays, cube_arrays, cylinder_arrays, sphere_arrays
 
 if TYPE_CHECKING:
@@ -73,6 +73,7 @@ def _is_similarity(matrix: Array) -> bool:
     return bool(np.all(np.abs(gram - size * np.eye(3)) <= 1e-4 * size))
 
 
+IN_SHAPES = CHILDREN["shape"]
 FILENAME = Field("filename", "string", "the mesh")
 FLIP_V = "count v from the top"
 SMOOTH = Field(
@@ -89,28 +90,34 @@ INDEX = Field("shape_index", "integer", "which mesh of the file", 0, 0)
 
 def _file_plugin(name: str, doc: str, flip: bool, *fields: Field) -> Plugin:
     own = (FILENAME, Field("flip_tex_coords", "boolean", FLIP_V, flip), SMOOTH, *fields)
-    children = ("bsdf", "emitter", "medium", "subsurface")
     return Plugin(
-        "shape", name, doc, own, _file_shape(f"load_{name}"), children, model="mesh", hidden=("mesh",)
+        "shape", name, doc, own, _file_shape(f"load_{name}"), IN_SHAPES, model="mesh", hidden=("mesh",)
     )
 
 
-CHILDREN = ("bsdf", "emitter", "medium", "subsurface")
 PLUGINS = (
     _file_plugin("obj", "Triangles from a Wavefront OBJ file.", True),
     _file_plugin("ply", "Triangles from a PLY file, ascii or binary.", False),
     _file_plugin("serialized", "Triangles from Mitsuba's compressed format.", False, INDEX),
     Plugin(
-        "shape", "cube", "The cube from (-1, -1, -1) to (1, 1, 1).", (), _cube, CHILDREN, "mesh", ("mesh",)
+        "shape", "cube", "The cube from (-1, -1, -1) to (1, 1, 1).", (), _cube, IN_SHAPES, "mesh", ("mesh",)
     ),
-    Plugin("shape", "sphere", "A sphere.", (), _round_shape("sphere", sphere_arrays), CHILDREN, "sphere"),
+    Plugin(
+        "shape",
+        "sphere",
+        "A true sphere; one that to_world stretches becomes a fine mesh.",
+        (),
+        _round_shape("sphere", sphere_arrays),
+        IN_SHAPES,
+        "sphere",
+    ),
     Plugin(
         "shape",
         "cylinder",
-        "An open tube.",
+        "An open tube around the axis from p0 to p1.",
         (),
         _round_shape("cylinder", cylinder_arrays),
-        CHILDREN,
+        IN_SHAPES,
         "cylinder",
     ),
 )
