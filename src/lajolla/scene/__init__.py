@@ -43,7 +43,7 @@ class Description:
         """The error to raise when the core refuses the description: the core's message at its place.
 
         Args:
-            problem: a `_core.DescriptionError`; its text begins with the entry, such as "shapes[3] (sphere): ".
+            problem: a `_core.DescriptionError`; its text begins with the entry, as in "shapes[3]: ...".
         """
         entry = re.match(r"\w+(\[\d+\])?", str(problem))
         place = self.places.get(entry.group()) if entry else None

@@ -30,8 +30,9 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     if not builder.emitters:
         builder.diagnostics.warn("the scene has no light and is black", scene.location)
     sensor = _only(builder, scene, "sensor")
-    camera = _sensor(builder, sensor) if sensor else _missing_sensor(builder, scene)
+    camera = _one(builder, sensor) if sensor else _missing_sensor(builder, scene)
     sensor = sensor or _implied(scene, "sensor", "perspective")
+    _warn_of_media(builder, sensor)
     film = _only(builder, sensor, "film") or _implied(sensor, "film", "hdrfilm")
     return {
         "textures": builder.textures,
@@ -40,15 +41,11 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
         "emitters": builder.emitters,
         "shapes": builder.shapes,
         "sensor": camera,
-        "film": builder.construct(film),
-        "rfilter": builder.construct(
-            _only(builder, film, "rfilter") or _implied(film, "rfilter", "gaussian")
-        ),
-        "sampler": builder.construct(
-            _only(builder, sensor, "sampler") or _implied(sensor, "sampler", "sobol")
-        ),
-        "integrator": builder.construct(
-            _only(builder, scene, "integrator") or _default_integrator(builder, scene)
+        "film": _one(builder, film),
+        "rfilter": _one(builder, _only(builder, film, "rfilter") or _implied(film, "rfilter", "gaussian")),
+        "sampler": _one(builder, _only(builder, sensor, "sampler") or _implied(sensor, "sampler", "sobol")),
+        "integrator": _one(
+            builder, _only(builder, scene, "integrator") or _default_integrator(builder, scene)
         ),
     }
 
@@ -62,6 +59,15 @@ def _only(builder: Builder, parent: Node, kind: str) -> Node | None:
         message = f"{parent.kind} has {len(found)} of kind {kind}; only this one counts"
         builder.diagnostics.warn(message, found[0].location)
     return found[0] if found else None
+
+
+def _one(builder: Builder, node: Node) -> dict[str, Any]:
+    """The entry of an object of which a scene has one."""
+    builder.places[node.kind] = node.location
+    entry = builder.construct(node)
+    if entry is None:
+        raise SceneError(f"{node} is not supported", node.plugin_location)
+    return entry
 
 
 def _implied(parent: Node, kind: str, plugin: str) -> Node:
@@ -82,15 +88,6 @@ def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
         raise SceneError("the scene has no sensor", scene.location)
     builder.diagnostics.warn("the scene has no sensor; one that sees everything is added", scene.location)
     return default_camera(builder.shapes)
-
-
-def _sensor(builder: Builder, node: Node) -> dict[str, Any]:
-    _warn_of_media(builder, node)
-    builder.places["sensor"] = node.location
-    entry = builder.construct(node)
-    if entry is None:
-        raise SceneError(f"{node} is not supported", node.plugin_location)
-    return entry
 
 
 def _warn_of_media(builder: Builder, node: Node) -> None:
