@@ -18,8 +18,6 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     Raises:
         SceneError: something cannot be built, or there is no sensor.
     """
-    if not isinstance(scene, Node) or scene.kind != "scene":
-        raise SceneError("the scene has no root", scene.location)
     for prop in scene.properties:
         if not isinstance(prop.value, Node):
             builder.diagnostics.unknown(f'a scene has no property "{prop.name}"', prop.name_location)
