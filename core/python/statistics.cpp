@@ -79,29 +79,30 @@ void require_one_or(std::size_t rows, std::size_t expected, const char *name) {
 }
 
 // A BSDF by itself, outside a scene: its textures are constants.
-struct LoneBsdf {
-    Bsdf model;
-    Lobe lobe;
-
+class LoneBsdf {
+public:
     explicit LoneBsdf(const nb::dict &description)
-        : model(variant_from<Bsdf>(description, "bsdf")), lobe(prepare(model, [](const auto &texture) {
+        : model_(variant_from<Bsdf>(description, "bsdf")), lobe_(prepare(model_, [](const auto &texture) {
               if (!texture.is_constant())
                   throw DescriptionError("bsdf: outside a scene textures must be constants");
               return texture.constant;
           })) {}
+    LoneBsdf(const LoneBsdf &) = delete; // the lobe may point to tables of the model
+    LoneBsdf &operator=(const LoneBsdf &) = delete;
+
+    bool transmissive() const { return is_transmissive(model_); }
+    bool delta() const { return is_delta(lobe_); }
+    float roughness() const { return lajolla::roughness(lobe_); }
+
+    nb::dict sample_many(const Rows<3> &wo, const Rows<3> &u) const;
+    nb::tuple eval_many(const Rows<3> &wo, const Rows<3> &wi) const;
+
+private:
+    Bsdf model_;
+    Lobe lobe_;
 };
 
-nb::dict bsdf_traits(const nb::dict &description) {
-    const LoneBsdf bsdf(description);
-    nb::dict traits;
-    traits["transmissive"] = is_transmissive(bsdf.model);
-    traits["delta"] = is_delta(bsdf.lobe);
-    traits["roughness"] = roughness(bsdf.lobe);
-    return traits;
-}
-
-nb::dict bsdf_sample_many(const nb::dict &description, const Rows<3> &wo, const Rows<3> &u) {
-    const LoneBsdf bsdf(description);
+nb::dict LoneBsdf::sample_many(const Rows<3> &wo, const Rows<3> &u) const {
     const std::size_t n = u.shape(0);
     require_one_or(wo.shape(0), n, "wo");
     Table<float, 3> wi(n), weight(n);
@@ -109,7 +110,7 @@ nb::dict bsdf_sample_many(const nb::dict &description, const Rows<3> &wo, const 
     Table<std::int32_t, 1> kind(n);
     Table<bool, 1> valid(n);
     for (std::size_t i = 0; i < n; ++i) {
-        const auto s = sample(bsdf.lobe, triple(wo, i), u(i, 0), {u(i, 1), u(i, 2)});
+        const auto s = sample(lobe_, triple(wo, i), u(i, 0), {u(i, 1), u(i, 2)});
         valid.set(i, s.has_value());
         if (!s) continue;
         wi.set(i, s->wi);
@@ -128,14 +129,13 @@ nb::dict bsdf_sample_many(const nb::dict &description, const Rows<3> &wo, const 
     return result;
 }
 
-nb::tuple bsdf_eval_many(const nb::dict &description, const Rows<3> &wo, const Rows<3> &wi) {
-    const LoneBsdf bsdf(description);
+nb::tuple LoneBsdf::eval_many(const Rows<3> &wo, const Rows<3> &wi) const {
     const std::size_t n = wi.shape(0);
     require_one_or(wo.shape(0), n, "wo");
     Table<float, 3> f_cos(n);
     Table<float, 1> pdf(n);
     for (std::size_t i = 0; i < n; ++i) {
-        const BsdfEval e = eval(bsdf.lobe, triple(wo, i), triple(wi, i));
+        const BsdfEval e = eval(lobe_, triple(wo, i), triple(wi, i));
         f_cos.set(i, e.f_cos);
         pdf.set(i, e.pdf);
     }
@@ -257,14 +257,18 @@ nb::object transform_inverse(nb::handle matrix) {
 } // namespace
 
 void bind_statistics(nb::module_ &m) {
-    m.def("bsdf_traits", &bsdf_traits, nb::arg("description"),
-          "What a BSDF says of itself: {'transmissive': bool, 'delta': bool, 'roughness': float}.");
-    m.def("bsdf_sample_many", &bsdf_sample_many, nb::arg("description"), nb::arg("wo"), nb::arg("u"),
-          "Samples a BSDF, wo (1 or N, 3), u (N, 3) = u_lobe, u.x, u.y in [0, 1): a dict of arrays wi (N, "
-          "3), weight "
-          "(N, 3), pdf, eta, kind (0 diffuse, 1 glossy, 2 specular, 3 null) and valid (N,).");
-    m.def("bsdf_eval_many", &bsdf_eval_many, nb::arg("description"), nb::arg("wo"), nb::arg("wi"),
-          "Evaluates a BSDF, wo (1 or N, 3), wi (N, 3): f_cos (N, 3) and pdf (N,) per solid angle.");
+    nb::class_<LoneBsdf>(m, "Bsdf",
+                         "A BSDF by itself, its textures constants: what the statistical tests see of it.")
+        .def(nb::init<const nb::dict &>(), nb::arg("description"))
+        .def_prop_ro("transmissive", &LoneBsdf::transmissive)
+        .def_prop_ro("delta", &LoneBsdf::delta)
+        .def_prop_ro("roughness", &LoneBsdf::roughness)
+        .def("sample_many", &LoneBsdf::sample_many, nb::arg("wo"), nb::arg("u"),
+             "Samples wi given wo (1 or N, 3), u (N, 3) = u_lobe, u.x, u.y in [0, 1): a dict of arrays wi "
+             "(N, 3), "
+             "weight (N, 3), pdf, eta, kind (0 diffuse, 1 glossy, 2 specular, 3 null) and valid (N,).")
+        .def("eval_many", &LoneBsdf::eval_many, nb::arg("wo"), nb::arg("wi"),
+             "Evaluates wo (1 or N, 3), wi (N, 3): f_cos (N, 3) and pdf (N,) per solid angle.");
     m.def("sampler_camera", &sampler_camera, nb::arg("kind"), nb::arg("seed"), nb::arg("x"), nb::arg("y"),
           nb::arg("first"), nb::arg("count"),
           "A pixel's camera numbers (count, 5): film x, y, lens x, y, flight.");

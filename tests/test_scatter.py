@@ -1,0 +1,148 @@
+"""Every BSDF of the list, with settings made from its fields, against its contract."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from scatter_tools import (
+    MODELS,
+    Bsdf,
+    Settings,
+    check_reciprocity,
+    direction,
+    known_directions,
+    label,
+    make_bsdf,
+    seen_from,
+    settings_of,
+)
+from statistics_tools import (
+    ONE_MINUS_ULP,
+    TESTS,
+    check_consistency,
+    check_density,
+    check_energy,
+    check_finite,
+    generator,
+    require,
+    study,
+    uniforms,
+)
+
+SETTINGS = [settings for name in MODELS for settings in settings_of(name)]
+each_setting = pytest.mark.parametrize("settings", SETTINGS, ids=label)
+
+# Models that may return a little more light than they receive, and why.
+ENERGY_GAIN: dict[str, tuple[float, str]] = {
+    "plastic": (2e-3, "the mean Fresnel reflectance from within is a polynomial fit"),
+    "roughplastic": (2e-3, "the same fit"),
+}
+
+# Models that reflect or transmit everything when nothing is tinted, the settings for that, and the precision.
+LOSSLESS: dict[str, tuple[Settings, float, str]] = {
+    "diffuse": ({"reflectance": 1}, 1e-5, "a Lambertian surface of albedo one"),
+    "null": ({}, 1e-6, "nothing is there"),
+    "dielectric": ({}, 1e-5, "Fresnel's reflected and refracted fractions add up to one"),
+    "thindielectric": ({}, 1e-5, "the same, summed over the reflections within the slab"),
+    "conductor": ({}, 1e-5, "the default is a perfect mirror"),
+    "plastic": (
+        {"diffuse_reflectance": 1},
+        5e-3,
+        "what enters leaves after any number of internal reflections; their mean Fresnel term is a fit",
+    ),
+    "roughconductor": ({"alpha_u": 0.01, "alpha_v": 0.01}, 2e-3, "the loss to masking vanishes with alpha"),
+    "roughdielectric": ({"alpha_u": 0.01, "alpha_v": 0.01}, 2e-3, "the loss to masking vanishes with alpha"),
+}
+
+
+def directions_for(bsdf: Bsdf, settings: Settings) -> list[np.ndarray]:
+    """All directions for a model's defaults, two of them in turn for every other setting."""
+    directions = known_directions(bsdf)
+    if len(settings) == 1:
+        return directions
+    turn = SETTINGS.index(settings)
+    return [directions[(3 * turn) % len(directions)], directions[(3 * turn + 5) % len(directions)]]
+
+
+def test_level_covers_the_number_of_tests() -> None:
+    per_study = 2 + 3 + 3  # chi-square, total; energy per channel; branch frequencies
+    assert len(SETTINGS) * 8 * per_study < TESTS
+
+
+@each_setting
+def test_samples_density_and_energy(settings: Settings) -> None:
+    bsdf = make_bsdf(settings)
+    gain = ENERGY_GAIN.get(settings["type"], (0, ""))[0]
+    for wo in directions_for(bsdf, settings):
+        s = study(seen_from(bsdf, wo))
+        check_finite(s.draws, s.thing.name)
+        check_consistency(s)
+        check_density(s)
+        check_energy(s, most=1 + gain)
+
+
+@each_setting
+def test_reciprocity(settings: Settings) -> None:
+    bsdf = make_bsdf(settings)
+    for wo in directions_for(bsdf, settings):
+        check_reciprocity(bsdf, wo)
+
+
+@each_setting
+def test_corners_are_finite(settings: Settings) -> None:
+    bsdf = make_bsdf(settings)
+    edge = (0, 2**-24, 0.5, ONE_MINUS_ULP)
+    u = np.concatenate([list(itertools.product(edge, repeat=3)), uniforms(generator("corners"), 500, 3)])
+    for wo in known_directions(bsdf, (1, 1 - 1e-7, 0.5, 1e-2, 1e-4, 1e-7)):
+        draws = bsdf.sample(wo, u)
+        name = f"{bsdf.name} from {wo}"
+        check_finite(draws, name)
+        others = np.concatenate(
+            [draws.points[draws.valid], [direction(c, a) for c in (1e-7, -1e-7, 1e-4) for a in (0, 3)]]
+        )
+        value, pdf = bsdf.evaluate(wo, others)
+        require(
+            np.isfinite(value).all() and (value >= 0).all(), f"{name}: a value is not finite and positive"
+        )
+        require(np.isfinite(pdf).all() and (pdf >= 0).all(), f"{name}: a density is not finite and positive")
+
+
+@each_setting
+def test_sides(settings: Settings) -> None:
+    """Opaque lobes stay above; delta flags hold; what crosses the surface refracts by its own eta."""
+    bsdf = make_bsdf(settings)
+    around = np.random.default_rng(1).normal(size=(2000, 3))
+    around /= np.linalg.norm(around, axis=1, keepdims=True)
+    for wo in known_directions(bsdf):
+        value, pdf = bsdf.evaluate(wo, around)
+        draws = bsdf.sample(wo, uniforms(generator("sides"), 2000, 3))
+        draws = draws.where(draws.valid)
+        crossed = draws.points[:, 2] * wo[2] < 0
+        if not bsdf.transmissive:
+            assert not crossed.any()
+            assert (value[around[:, 2] < 0] == 0).all() and (pdf[around[:, 2] < 0] == 0).all()
+        if bsdf.delta:
+            assert draws.delta.all() and (value == 0).all() and (pdf == 0).all()
+        assert (draws.eta[~crossed] == 1).all()
+        straight = draws.where(crossed & draws.delta)
+        np.testing.assert_allclose(
+            straight.points[:, :2] * straight.eta[:, None],
+            -np.tile(wo[:2], (len(straight.eta), 1)),
+            atol=1e-5,
+        )
+
+
+@pytest.mark.parametrize("name", [name for name in LOSSLESS if name in MODELS])
+def test_white_furnace(name: str) -> None:
+    settings, precision, reason = LOSSLESS[name]
+    bsdf = make_bsdf({"type": name, **settings})
+    for wo in known_directions(bsdf):
+        s = study(seen_from(bsdf, wo))
+        total = s.value + sum((b.weight * b.probability for b in s.branches), np.zeros(3))
+        assert np.abs(total - 1).max() < precision + s.error, f"{name} from {wo} returns {total}: {reason}"
+
+
+def test_lossless_models_exist() -> None:
+    assert set(LOSSLESS) <= set(MODELS)
