@@ -91,6 +91,7 @@ struct RoughDielectric {
             const Vec3f m = surface.sample_visible(wo, u);
             const float cos_o = dot(wo, m);
             const Split s = split(cos_o, beyond);
+            if (s.p_reflect + s.p_transmit == 0) return std::nullopt; // black either way
             const bool reflected = u_lobe < s.p_reflect;
             const Vec3f wi = reflected ? reflect(wo, m) : refract(wo, m, cos_o, s.cos_t, beyond);
             if (reflected != (wi.z > 0)) return std::nullopt;
