@@ -19,6 +19,7 @@ from statistics_tools import (
 )
 
 WO = direction(0.7, 0.5)
+GLASS_ETA = 1.5046 / 1.000277  # the defaults of the dielectrics
 Evaluation = tuple[np.ndarray, np.ndarray]
 
 
@@ -71,11 +72,16 @@ def missing_jacobian(bsdf: Bsdf) -> Bsdf:
         half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
         return 4 * np.abs((half * wo).sum(1))
 
-    return replace(
-        bsdf,
-        sample=lambda wo, u: (d := bsdf.sample(wo, u)) and replace(d, pdf=d.pdf * jacobian(wo, d.points)),
-        evaluate=lambda wo, wi: (e := bsdf.evaluate(wo, wi)) and (e[0], e[1] * jacobian(wo, wi)),
-    )
+    def sample(wo: np.ndarray, u: np.ndarray) -> Draws:
+        draws = bsdf.sample(wo, u)
+        factor = np.where(draws.valid, jacobian(wo, draws.points), 1)
+        return replace(draws, pdf=draws.pdf * factor, weight=draws.weight / factor[:, None])
+
+    def evaluate(wo: np.ndarray, wi: np.ndarray) -> Evaluation:
+        value, pdf = bsdf.evaluate(wo, wi)
+        return value, pdf * jacobian(wo, wi)
+
+    return replace(bsdf, sample=sample, evaluate=evaluate)
 
 
 def swapped_sides(bsdf: Bsdf) -> Bsdf:
@@ -130,7 +136,7 @@ def included_eta(bsdf: Bsdf) -> Bsdf:
     def scaled(wo: np.ndarray, wi: np.ndarray, e: Evaluation) -> Evaluation:
         crossing = (np.atleast_2d(wo)[:, 2] * wi[:, 2] < 0)[:, None]
         inward = (np.atleast_2d(wo)[:, 2] > 0)[:, None]
-        return np.where(crossing, e[0] * np.where(inward, 1.504**-2, 1.504**2), e[0]), e[1]
+        return np.where(crossing, e[0] * np.where(inward, GLASS_ETA**-2, GLASS_ETA**2), e[0]), e[1]
 
     return changing(
         bsdf, lambda d: replace(d, weight=d.weight / np.where(d.valid, d.eta, 1)[:, None] ** 2), scaled
