@@ -20,33 +20,41 @@ public:
     };
 
     Distribution() = default;
-    explicit Distribution(std::span<const float> weights) : cdf_(weights.size() + 1) {
+    explicit Distribution(std::span<const float> weights) : cdf_(weights.size() + 1), guide_(weights.size()) {
         double sum = 0;
         for (const float w : weights) sum += w;
         sum_ = static_cast<float>(sum);
+        const auto count = static_cast<double>(weights.size());
         double running = 0;
         for (std::size_t i = 0; i < weights.size(); ++i) {
             running += weights[i];
-            cdf_[i + 1] = sum > 0 ? static_cast<float>(running / sum)
-                                  : static_cast<float>(i + 1) / static_cast<float>(weights.size());
+            cdf_[i + 1] = static_cast<float>(sum > 0 ? running / sum : static_cast<double>(i + 1) / count);
         }
-        if (!weights.empty()) cdf_.back() = 1;
+        // Rounding must not leave a gap below one; entries of probability zero at the end stay at one with it.
+        if (!weights.empty()) std::replace(cdf_.begin() + 1, cdf_.end(), float(cdf_.back()), 1.0f);
+        std::uint32_t entry = 0;
+        for (std::size_t k = 0; k < guide_.size(); ++k) {
+            const auto least = static_cast<float>(k) / static_cast<float>(guide_.size());
+            while (cdf_[entry + 1] <= least) ++entry;
+            guide_[k] = entry;
+        }
     }
 
     std::size_t size() const { return cdf_.empty() ? 0 : cdf_.size() - 1; }
     float sum() const { return sum_; }
     float probability(std::uint32_t i) const { return cdf_[i + 1] - cdf_[i]; }
 
+    // Searches from where the guide table points, a step or two (Chen and Asau 1974).
     Sample sample(float u) const {
-        // The last entry whose cumulative sum is at most u; entries of probability zero are never chosen.
-        const auto above = std::upper_bound(cdf_.begin() + 1, cdf_.end() - 1, u);
-        const auto index = static_cast<std::uint32_t>(above - cdf_.begin() - 1);
+        std::uint32_t index = guide_[static_cast<std::size_t>(u * static_cast<float>(guide_.size()))];
+        while (cdf_[index + 1] <= u) ++index;
         const float p = probability(index);
-        return {index, p, p > 0 ? std::min((u - cdf_[index]) / p, one_minus_ulp) : 0};
+        return {index, p, p > 0 ? std::clamp((u - cdf_[index]) / p, 0.0f, one_minus_ulp) : 0};
     }
 
 private:
-    std::vector<float> cdf_;
+    std::vector<float> cdf_;           // cdf_[i] is the probability of all entries before i
+    std::vector<std::uint32_t> guide_; // guide_[k] is the entry at u = k / size
     float sum_ = 0;
 };
 

@@ -48,6 +48,13 @@ inline bool is_delta(const Lobe &lobe) {
 inline float roughness(const Lobe &lobe) {
     return match(lobe, [](const auto &l) { return l.roughness(); });
 }
+// Whether a BSDF does not care where the tangent points.
+inline bool is_isotropic(const Bsdf &bsdf) {
+    return match(bsdf, [](const auto &model) {
+        if constexpr (requires { model.alpha_u; }) return model.alpha_u == model.alpha_v;
+        else return true;
+    });
+}
 inline bool is_transmissive(const Bsdf &bsdf) {
     return match(bsdf, [](const auto &model) { return std::decay_t<decltype(model)>::Lobe::transmissive; });
 }

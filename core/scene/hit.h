@@ -41,7 +41,7 @@ struct RayCone {
 struct Hit {
     Vec3f position;
     Vec3f normal; // geometric, on the side that the shape's orientation calls front
-    Frame frame;  // shading frame; s follows dp_du
+    Vec3f shading_normal;
     Vec3f dp_du, dp_dv;
     Vec2f barycentric, uv;
     float distance;       // along the ray that found it
@@ -52,6 +52,9 @@ struct Hit {
     std::uint32_t shape, primitive;
     std::int32_t material, emitter;  // -1 for none
     std::int32_t interior, exterior; // media, -1 for none
+
+    // The shading frame; s follows dp_du.
+    Frame frame() const { return frame_along(shading_normal, dp_du); }
 
     // The radius of the footprint in texture space.
     float uv_footprint() const {

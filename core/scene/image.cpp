@@ -27,12 +27,69 @@ std::uint8_t encode_byte(float value, bool srgb) {
     return static_cast<std::uint8_t>(std::lround(255 * encoded));
 }
 
+// The texel index that an index outside [0, size) stands for, or -1 where the mode has no texels there.
+std::int32_t wrap(std::int32_t i, std::int32_t size, WrapMode mode) {
+    if (i >= 0 && i < size) return i;
+    switch (mode) {
+    case WrapMode::repeat: {
+        const std::int32_t rest = i % size;
+        return rest < 0 ? rest + size : rest;
+    }
+    case WrapMode::mirror: {
+        const std::int32_t rest = ((i % (2 * size)) + 2 * size) % (2 * size);
+        return rest < size ? rest : 2 * size - 1 - rest;
+    }
+    case WrapMode::clamp: return i < 0 ? 0 : size - 1;
+    default: return -1;
+    }
+}
+
+const Table srgb_bytes = make_table(true), linear_bytes = make_table(false);
+
+const float *byte_decoding(bool srgb) { return (srgb ? srgb_bytes : linear_bytes).data(); }
+
+float decode(std::uint8_t value, const float *table) { return table[value]; }
+float decode(Image::Half value, const float *) { return static_cast<float>(value); }
+float decode(float value, const float *) { return value; }
+
+template <class Texel> Spectrum fetch(const Texel *texel, std::uint32_t channels, const float *table) {
+    if (channels == 1) return Spectrum(decode(texel[0], table));
+    return {decode(texel[0], table), decode(texel[1], table), decode(texel[2], table)};
+}
+
+// Positions far outside the image lose their fraction anyway; this keeps them within the integers.
+float bounded(float x) { return std::isfinite(x) ? std::clamp(x, -1e9f, 1e9f) : 0; }
+
 } // namespace
 
-const float *byte_decoding(bool srgb) {
-    static const Table encoded = make_table(true), linear = make_table(false);
-    return (srgb ? encoded : linear).data();
+Spectrum nearest(const Image &image, Vec2f position, WrapMode mode) {
+    const std::int32_t x = wrap(static_cast<std::int32_t>(std::floor(bounded(position.x))),
+                                static_cast<std::int32_t>(image.width), mode);
+    const std::int32_t y = wrap(static_cast<std::int32_t>(std::floor(bounded(position.y))),
+                                static_cast<std::int32_t>(image.height), mode);
+    if (x < 0 || y < 0) return Spectrum(mode == WrapMode::one ? 1.0f : 0.0f);
+    return image.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
 }
+
+Spectrum bilinear(const Image &image, Vec2f position, WrapMode wrap_x, WrapMode wrap_y) {
+    const float x = bounded(position.x - 0.5f), y = bounded(position.y - 0.5f);
+    const float floor_x = std::floor(x), floor_y = std::floor(y), dx = x - floor_x, dy = y - floor_y;
+    const auto width = static_cast<std::int32_t>(image.width), height = static_cast<std::int32_t>(image.height);
+    const auto i = static_cast<std::int32_t>(floor_x), j = static_cast<std::int32_t>(floor_y);
+    const std::int32_t i0 = wrap(i, width, wrap_x), i1 = wrap(i + 1, width, wrap_x);
+    const std::int32_t j0 = wrap(j, height, wrap_y), j1 = wrap(j + 1, height, wrap_y);
+    const float *table = byte_decoding(image.srgb);
+    return match(image.texels, [&](const auto &texels) {
+        const auto at = [&](std::int32_t column, std::int32_t row) {
+            if (column < 0) return Spectrum(wrap_x == WrapMode::one ? 1.0f : 0.0f);
+            if (row < 0) return Spectrum(wrap_y == WrapMode::one ? 1.0f : 0.0f);
+            const auto index = static_cast<std::size_t>(row) * image.width + static_cast<std::size_t>(column);
+            return fetch(texels.data() + index * image.channels, image.channels, table);
+        };
+        return lerp(dy, lerp(dx, at(i0, j0), at(i1, j0)), lerp(dx, at(i0, j1), at(i1, j1)));
+    });
+}
+
 
 std::size_t Image::bytes() const {
     return match(texels, [](const auto &values) { return values.size() * sizeof(values[0]); });
@@ -40,15 +97,7 @@ std::size_t Image::bytes() const {
 
 Spectrum Image::texel(std::uint32_t x, std::uint32_t y) const {
     const std::size_t first = (static_cast<std::size_t>(y) * width + x) * channels;
-    return match(texels, [&](const auto &values) {
-        const auto decode = [&](std::size_t i) {
-            if constexpr (std::is_same_v<std::decay_t<decltype(values[0])>, std::uint8_t>)
-                return byte_decoding(srgb)[values[i]];
-            else return static_cast<float>(values[i]);
-        };
-        return channels == 1 ? Spectrum(decode(first))
-                             : Spectrum(decode(first), decode(first + 1), decode(first + 2));
-    });
+    return match(texels, [&](const auto &values) { return fetch(values.data() + first, channels, byte_decoding(srgb)); });
 }
 
 Image downsample(const Image &image) {

@@ -1,6 +1,7 @@
 #pragma once
 // Pixel arrays as textures keep them: 8-bit stays 8-bit, half stays half.
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <variant>
@@ -9,9 +10,6 @@
 #include "base/vec.h"
 
 namespace lajolla {
-
-// Linear value of each sRGB-encoded byte (IEC 61966-2-1), then of each byte taken as it is.
-const float *byte_decoding(bool srgb);
 
 struct Image {
     using Half = _Float16;
@@ -26,6 +24,14 @@ struct Image {
     // Linear value of a texel; x < width, y < height.
     Spectrum texel(std::uint32_t x, std::uint32_t y) const;
 };
+
+enum class WrapMode { repeat, mirror, clamp, zero, one };
+constexpr auto choices(WrapMode) { return std::array{"repeat", "mirror", "clamp", "zero", "one"}; }
+
+// The value at a position in texels, where texel (i, j) covers the square from (i, j) to (i + 1, j + 1).
+Spectrum nearest(const Image &image, Vec2f position, WrapMode wrap);
+// The same with values interpolated between the texels' centres; wraps may differ between the axes.
+Spectrum bilinear(const Image &image, Vec2f position, WrapMode wrap_x, WrapMode wrap_y);
 
 // Halves the resolution by averaging linear values, each texel by the share of its area.
 Image downsample(const Image &image);

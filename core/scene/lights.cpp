@@ -53,7 +53,6 @@ DirectSample towards(Vec3f p, const SurfaceSample &point) {
 } // namespace
 
 // Area
-// ---------------------------------------------------------------------------------------------------------------
 
 float AreaLight::power(std::span<const TextureModel> textures, const BoundingSphere &) const {
     // A textured light counts with its mean over a grid of texture space: power only steers the picking.
@@ -80,7 +79,14 @@ std::optional<DirectSample> AreaLight::sample_direct(Vec3f p, float u_primitive,
     const float cosine = -dot(sample.wi, point->normal);
     if (!(cosine > 0)) return std::nullopt; // seen from behind
     sample.pdf = cone ? cone_pdf(cone->height) : point->area_pdf * sqr(sample.distance) / cosine;
-    sample.radiance = TextureReader(textures, point->uv, 0)(radiance);
+    sample.radiance = radiance.constant;
+    if (!radiance.is_constant()) {
+        Hit hit;
+        hit.footprint = {};
+        const RayHit found{sample.distance, point->b1, point->b2, 0, point->primitive};
+        match(*shape, [&](const auto &s) { s.fill({p, sample.wi}, found, hit); });
+        sample.radiance = TextureReader(textures, hit.uv, 0)(radiance);
+    }
     return sample;
 }
 
@@ -93,23 +99,8 @@ float AreaLight::pdf_hit(Vec3f p, const Hit &hit, Vec3f wi) const {
 }
 
 // Environment map
-// ----------------------------------------------------------------------------------------------------
 
-namespace {
-
-// The integral of the bilinear interpolation over a texel: 1/8, 6/8, 1/8 of its neighbours along either axis.
-// It vanishes only where the interpolated radiance does.
-Spectrum mean_over_texel(const Image &image, std::uint32_t x, std::uint32_t y) {
-    const std::array columns{(x + image.width - 1) % image.width, x, (x + 1) % image.width};
-    const std::array rows{y == 0 ? 0 : y - 1, y, std::min(y + 1, image.height - 1)};
-    constexpr std::array share{0.125f, 0.75f, 0.125f};
-    Spectrum sum(0);
-    for (std::size_t j = 0; j < 3; ++j)
-        for (std::size_t i = 0; i < 3; ++i) sum += image.texel(columns[i], rows[j]) * (share[i] * share[j]);
-    return sum;
-}
-
-} // namespace
+// The image's first and last rows lie on the poles, as in Mitsuba 3; columns are centred in their share of the turn.
 
 void EnvironmentMap::build() {
     if (!image || image->width == 0 || image->height == 0)
@@ -119,70 +110,64 @@ void EnvironmentMap::build() {
         throw std::invalid_argument(
             "to_world of an envmap must be a rotation, without shear or uneven scaling");
     to_local_ = *inverted;
-    const std::uint32_t width = image->width, height = image->height;
-    std::vector<float> weights(static_cast<std::size_t>(width) * height);
+    // A cell has texel centres at its corners: its bilinear values vanish only where its weight does.
+    const std::uint32_t width = image->width, rows = std::max(image->height, 2u) - 1;
+    std::vector<float> weights(static_cast<std::size_t>(width) * rows);
     double sum = 0;
-    for (std::uint32_t y = 0; y < height; ++y) {
-        const float low = pi * static_cast<float>(y) / static_cast<float>(height);
-        const float high = pi * static_cast<float>(y + 1) / static_cast<float>(height);
+    for (std::uint32_t y = 0; y < rows; ++y) {
+        const float low = pi * static_cast<float>(y) / static_cast<float>(rows);
+        const float high = pi * static_cast<float>(y + 1) / static_cast<float>(rows);
         const float band = std::cos(low) - std::cos(high); // solid angle of the row over 2 pi
+        const std::uint32_t below = std::min(y + 1, image->height - 1);
         for (std::uint32_t x = 0; x < width; ++x) {
-            const float weight = std::max(luminance(mean_over_texel(*image, x, y)), 0.0f) * band;
+            const std::uint32_t right = (x + 1) % width;
+            const Spectrum corners = image->texel(x, y) + image->texel(right, y) + image->texel(x, below) +
+                                     image->texel(right, below);
+            const float weight = std::max(luminance(corners) / 4, 0.0f) * band;
             weights[static_cast<std::size_t>(y) * width + x] = weight;
             sum += weight;
         }
     }
     mean_radiance_ = static_cast<float>(sum / (2.0 * width));
-    distribution_ = Distribution2D(weights, width, height);
+    distribution_ = Distribution2D(weights, width, rows);
 }
 
 float EnvironmentMap::power(std::span<const TextureModel>, const BoundingSphere &scene) const {
     return 4 * pi * pi * sqr(scene.radius) * scale * mean_radiance_;
 }
 
+// The square is (phi / 2 pi, theta / pi), phi counted from the centre of the first column.
 Vec2f EnvironmentMap::to_square(Vec3f direction) const {
-    const Vec3f d = normalize(to_local_.vector(direction));
-    const float u = std::atan2(d.x, -d.z) * (0.5f * inv_pi);
-    const float v = std::atan2(std::sqrt(d.x * d.x + d.z * d.z), d.y) * inv_pi;
-    return {u < 0 ? u + 1 : u, v};
+    const Vec3f d = to_local_.vector(direction);
+    const float turn = std::atan2(d.x, -d.z) * (0.5f * inv_pi) - 0.5f / static_cast<float>(image->width);
+    return {turn - std::floor(turn), std::atan2(std::sqrt(d.x * d.x + d.z * d.z), d.y) * inv_pi};
 }
 
-Spectrum EnvironmentMap::look_up(Vec2f uv) const {
-    const auto width = static_cast<std::int32_t>(image->width),
-               height = static_cast<std::int32_t>(image->height);
-    const float x = uv.x * static_cast<float>(width) - 0.5f, y = uv.y * static_cast<float>(height) - 0.5f;
-    const float floor_x = std::floor(x), floor_y = std::floor(y);
-    const auto texel = [&](std::int32_t i, std::int32_t j) {
-        const std::int32_t column = i < 0 ? i + width : i >= width ? i - width : i;
-        return image->texel(static_cast<std::uint32_t>(column),
-                            static_cast<std::uint32_t>(std::clamp(j, 0, height - 1)));
-    };
-    const auto i = static_cast<std::int32_t>(floor_x), j = static_cast<std::int32_t>(floor_y);
-    return lerp(y - floor_y, lerp(x - floor_x, texel(i, j), texel(i + 1, j)),
-                lerp(x - floor_x, texel(i, j + 1), texel(i + 1, j + 1))) *
-           scale;
+Spectrum EnvironmentMap::look_up(Vec2f square) const {
+    const Vec2f size{static_cast<float>(image->width), static_cast<float>(image->height - 1)};
+    return bilinear(*image, square * size + Vec2f{0.5f, 0.5f}, WrapMode::repeat, WrapMode::clamp) * scale;
 }
 
 Spectrum EnvironmentMap::emitted(Vec3f direction) const { return look_up(to_square(direction)); }
 
 std::optional<DirectSample> EnvironmentMap::sample_direct(Vec3f, float, Vec2f u,
                                                           std::span<const TextureModel>) const {
-    const auto [uv, density] = distribution_.sample(u);
-    const float theta = pi * uv.y, phi = 2 * pi * uv.x, sin_theta = std::sin(theta);
+    const auto [square, density] = distribution_.sample(u);
+    const float theta = pi * square.y, sin_theta = std::sin(theta);
+    const float phi = 2 * pi * (square.x + 0.5f / static_cast<float>(image->width));
     if (!(sin_theta > 0) || !(density > 0)) return std::nullopt;
     const Vec3f local{std::sin(phi) * sin_theta, std::cos(theta), -std::cos(phi) * sin_theta};
     const float pdf = density / (2 * pi * pi * sin_theta);
-    return DirectSample{normalize(to_world.vector(local)), infinity, {}, look_up(uv), pdf};
+    return DirectSample{normalize(to_world.vector(local)), infinity, {}, look_up(square), pdf};
 }
 
 float EnvironmentMap::pdf_direction(Vec3f wi) const {
-    const Vec2f uv = to_square(wi);
-    const float sin_theta = std::sin(pi * uv.y);
-    return sin_theta > 0 ? distribution_.pdf(uv) / (2 * pi * pi * sin_theta) : 0;
+    const Vec2f square = to_square(wi);
+    const float sin_theta = std::sin(pi * square.y);
+    return sin_theta > 0 ? distribution_.pdf(square) / (2 * pi * pi * sin_theta) : 0;
 }
 
 // Point, directional, spot
-// -------------------------------------------------------------------------------------------
 
 std::optional<DirectSample> PointLight::sample_direct(Vec3f p, float, Vec2f,
                                                       std::span<const TextureModel>) const {
@@ -233,7 +218,6 @@ std::optional<DirectSample> SpotLight::sample_direct(Vec3f p, float, Vec2f,
 }
 
 // Picking
-// ------------------------------------------------------------------------------------------------------------
 
 LightPicker::LightPicker(std::span<const Light> lights, std::span<const TextureModel> textures,
                          const BoundingSphere &scene)

@@ -95,10 +95,10 @@ struct EnvironmentMap {
 
 private:
     Vec2f to_square(Vec3f direction) const;
-    Spectrum look_up(Vec2f uv) const;
+    Spectrum look_up(Vec2f square) const;
 
     Transform to_local_;
-    Distribution2D distribution_; // over texels, by luminance and solid angle
+    Distribution2D distribution_; // over cells between texel centres, by luminance and solid angle
     float mean_radiance_ = 0;
 };
 

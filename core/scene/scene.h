@@ -42,6 +42,7 @@ struct SceneParts {
 
 // A surface point made ready to scatter: the lobe and the frame it lives in.
 struct Surface {
+    bool black; // nothing is scattered: the rest is meaningless
     Frame frame;
     Vec3f wo; // local
     Lobe lobe;
@@ -68,8 +69,8 @@ public:
     // Everything about a hit that the ray tracer found.
     Hit hit(const Ray &ray, const RayHit &found, const RayCone &cone) const;
 
-    // The lobe at a hit, seen from `wo` (world space); nothing where the surface is black from there.
-    std::optional<Surface> surface(const Hit &hit, Vec3f wo) const;
+    // The lobe at a hit, seen from `wo` (world space).
+    Surface surface(const Hit &hit, Vec3f wo) const;
 
     // The fraction of light that passes straight through a hit: 1 - opacity, and all of it at a `null`
     // surface.
@@ -86,7 +87,10 @@ private:
     TextureReader reader(const Hit &hit) const { return {parts_.textures, hit.uv, hit.uv_footprint()}; }
 
     SceneParts parts_;
-    std::vector<bool> transmissive_; // per BSDF
+    struct BsdfTraits {
+        bool transmissive, isotropic;
+    };
+    std::vector<BsdfTraits> bsdf_traits_;
     std::optional<Accel> accel_;
     LightPicker picker_;
     FilterSampler filter_;

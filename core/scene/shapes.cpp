@@ -17,15 +17,19 @@ float similarity_scale(const Transform &t, const char *shape) {
     return *scale;
 }
 
-float turns(float y, float x) { // the angle of (x, y) in [0, 2 pi)
-    const float phi = std::atan2(y, x);
-    return phi < 0 ? phi + 2 * pi : phi;
+float turns(float y, float x) { // the angle of (x, y), where a full turn is one
+    const float turn = std::atan2(y, x) * (0.5f * inv_pi);
+    return turn < 0 ? turn + 1 : turn;
 }
 
 // The normal of a flat shape whose plane is z = 0 before to_world.
 Vec3f plane_normal(const Transform &to_object, bool flip) {
     const Vec3f n = normalize(to_object.transposed_vector({0, 0, 1}));
     return flip ? -n : n;
+}
+
+float plane_error(const Transform &t) {
+    return position_error(largest(t.origin()) + largest(t.axis(0)) + largest(t.axis(1)));
 }
 
 Transform invertible(const Transform &t) {
@@ -37,7 +41,6 @@ Transform invertible(const Transform &t) {
 } // namespace
 
 // Mesh
-// ---------------------------------------------------------------------------------------------------------------
 
 void TriangleMesh::build() {
     if (!mesh) throw std::invalid_argument("a mesh shape needs a mesh");
@@ -72,7 +75,8 @@ void TriangleMesh::fill(const Ray &, const RayHit &found, Hit &hit) const {
 
     const Vec3f scaled_normal = cross(e1, e2);
     const float area_squared = length_squared(scaled_normal);
-    Vec3f normal = scaled_normal * (1 / std::sqrt(area_squared));
+    const float inverse_area = 1 / std::sqrt(area_squared);
+    Vec3f normal = scaled_normal * inverse_area;
     Vec3f shading = normal;
     hit.mean_curvature = 0;
     if (has_normals()) {
@@ -87,8 +91,8 @@ void TriangleMesh::fill(const Ray &, const RayHit &found, Hit &hit) const {
             // Half the trace of the map from steps on the triangle to changes of the normal, in the dual
             // basis of e1, e2.
             const Vec3f dual1 = cross(e2, scaled_normal), dual2 = cross(scaled_normal, e1);
-            hit.mean_curvature =
-                (dot(n1 - n0, dual1) + dot(n2 - n0, dual2)) * inverse_length / (2 * area_squared);
+            hit.mean_curvature = (dot(n1 - n0, dual1) + dot(n2 - n0, dual2)) * inverse_length *
+                                 (0.5f * inverse_area * inverse_area);
         }
     }
     if (flip_normals) {
@@ -108,7 +112,7 @@ void TriangleMesh::fill(const Ray &, const RayHit &found, Hit &hit) const {
             hit.dp_dv = (e2 * d1.x - e1 * d2.x) * (1 / det);
         }
     }
-    hit.frame = frame_along(shading, hit.dp_du);
+    hit.shading_normal = shading;
 }
 
 SurfaceSample TriangleMesh::sample(float u_triangle, Vec2f u) const {
@@ -121,14 +125,16 @@ SurfaceSample TriangleMesh::sample(float u_triangle, Vec2f u) const {
     if (has_normals() &&
         dot(normal, mesh->normals[t[0]] * b0 + mesh->normals[t[1]] * b12.x + mesh->normals[t[2]] * b12.y) < 0)
         normal = -normal;
-    const Vec2f uv =
-        mesh->uvs.empty() ? b12 : mesh->uvs[t[0]] * b0 + mesh->uvs[t[1]] * b12.x + mesh->uvs[t[2]] * b12.y;
-    return {a * b0 + b * b12.x + c * b12.y, flip_normals ? -normal : normal, uv,
-            position_error(std::max({largest(a), largest(b), largest(c)})), 1 / areas.sum()};
+    return {a * b0 + b * b12.x + c * b12.y,
+            flip_normals ? -normal : normal,
+            position_error(std::max({largest(a), largest(b), largest(c)})),
+            1 / areas.sum(),
+            chosen.index,
+            b12.x,
+            b12.y};
 }
 
 // Sphere
-// -------------------------------------------------------------------------------------------------------------
 
 void Sphere::build() {
     radius *= similarity_scale(to_world, "sphere");
@@ -157,33 +163,25 @@ std::optional<float> Sphere::intersect(const Ray &ray) const {
 void Sphere::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
     const Vec3f outward = normalize(ray.origin + ray.direction * found.distance - center);
     const SurfaceSample point = at(outward);
+    hit.position = point.position;
+    hit.position_error = point.position_error;
+    hit.normal = hit.shading_normal = point.normal;
+    // uv = (phi / 2 pi, theta / pi) in spherical coordinates around the third axis; atan2 keeps its precision at
+    // the poles, where acos loses half the digits
     const Vec3f local = axes.to_local(outward);
     const float r = std::sqrt(local.x * local.x + local.y * local.y);
     const float cos_phi = r > 0 ? local.x / r : 1, sin_phi = r > 0 ? local.y / r : 0;
-    hit.position = point.position;
-    hit.position_error = point.position_error;
-    hit.normal = point.normal;
-    hit.uv = hit.barycentric = point.uv;
-    // uv = (phi / 2 pi, theta / pi) in spherical coordinates around the third axis
+    hit.uv = hit.barycentric = {turns(local.y, local.x), std::atan2(r, local.z) * inv_pi};
     hit.dp_du = axes.to_world(Vec3f{-sin_phi * r, cos_phi * r, 0} * (2 * pi * radius));
     hit.dp_dv = axes.to_world(Vec3f{local.z * cos_phi, local.z * sin_phi, -r} * (pi * radius));
-    hit.frame = frame_along(hit.normal, r > 0 ? hit.dp_du : axes.t);
     hit.mean_curvature = (flip_normals ? -1 : 1) / radius;
 }
 
 SurfaceSample Sphere::at(Vec3f direction) const {
-    const Vec3f local = axes.to_local(direction);
-    // atan2 keeps its precision at the poles, where acos loses half the digits
-    const float theta = std::atan2(std::sqrt(local.x * local.x + local.y * local.y), local.z);
-    return {center + direction * radius,
-            flip_normals ? -direction : direction,
-            {turns(local.y, local.x) / (2 * pi), theta * inv_pi},
-            error(),
-            1 / area()};
+    return {center + direction * radius, flip_normals ? -direction : direction, error(), 1 / area()};
 }
 
 // Rectangle
-// ----------------------------------------------------------------------------------------------------------
 
 void Rectangle::build() { normal = plane_normal(invertible(to_world), flip_normals); }
 
@@ -198,9 +196,7 @@ Bounds Rectangle::bounds() const {
     return box;
 }
 
-float Rectangle::error() const {
-    return position_error(largest(to_world.origin()) + largest(to_world.axis(0)) + largest(to_world.axis(1)));
-}
+float Rectangle::error() const { return plane_error(to_world); }
 
 void Rectangle::fill(const Ray &, const RayHit &found, Hit &hit) const {
     // Triangles (0, 1, 2) and (0, 2, 3) of corners().
@@ -212,16 +208,22 @@ void Rectangle::fill(const Ray &, const RayHit &found, Hit &hit) const {
     hit.normal = normal;
     hit.dp_du = to_world.axis(0) * 2;
     hit.dp_dv = to_world.axis(1) * 2;
-    hit.frame = frame_along(normal, hit.dp_du);
+    hit.shading_normal = hit.normal;
     hit.mean_curvature = 0;
 }
 
 SurfaceSample Rectangle::sample(float, Vec2f u) const {
-    return {to_world.point({2 * u.x - 1, 2 * u.y - 1, 0}), normal, u, error(), 1 / area()};
+    const bool first = u.x >= u.y;
+    return {to_world.point({2 * u.x - 1, 2 * u.y - 1, 0}),
+            normal,
+            error(),
+            1 / area(),
+            first ? 0u : 1u,
+            first ? u.x - u.y : u.x,
+            first ? u.y : u.y - u.x};
 }
 
 // Disk
-// ---------------------------------------------------------------------------------------------------------------
 
 void Disk::build() {
     to_object = invertible(to_world);
@@ -233,6 +235,8 @@ Bounds Disk::bounds() const {
     const Vec3f extent{reach(0), reach(1), reach(2)};
     return {to_world.origin() - extent, to_world.origin() + extent};
 }
+
+float Disk::error() const { return plane_error(to_world); }
 
 std::optional<float> Disk::intersect(const Ray &ray) const {
     const Vec3f o = to_object.point(ray.origin), d = to_object.vector(ray.direction);
@@ -247,28 +251,21 @@ void Disk::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
     const float r = std::hypot(p.x, p.y);
     const float cos_phi = r > 0 ? p.x / r : 1, sin_phi = r > 0 ? p.y / r : 0;
     hit.position = to_world.point({p.x, p.y, 0});
-    hit.position_error =
-        position_error(largest(to_world.origin()) + largest(to_world.axis(0)) + largest(to_world.axis(1)));
+    hit.position_error = error();
     hit.normal = normal;
-    hit.uv = hit.barycentric = {r, turns(p.y, p.x) / (2 * pi)};
+    hit.uv = hit.barycentric = {r, turns(p.y, p.x)};
     hit.dp_du = to_world.vector({cos_phi, sin_phi, 0});
     hit.dp_dv = to_world.vector(Vec3f{-sin_phi, cos_phi, 0} * (2 * pi * r));
-    hit.frame = frame_along(normal, hit.dp_du);
+    hit.shading_normal = hit.normal;
     hit.mean_curvature = 0;
 }
 
 SurfaceSample Disk::sample(float, Vec2f u) const {
     const Vec2f p = sample_disk(u);
-    return {
-        to_world.point({p.x, p.y, 0}),
-        normal,
-        {std::hypot(p.x, p.y), turns(p.y, p.x) / (2 * pi)},
-        position_error(largest(to_world.origin()) + largest(to_world.axis(0)) + largest(to_world.axis(1))),
-        1 / area()};
+    return {to_world.point({p.x, p.y, 0}), normal, error(), 1 / area()};
 }
 
 // Cylinder
-// -----------------------------------------------------------------------------------------------------------
 
 void Cylinder::build() {
     const float scale = similarity_scale(to_world, "cylinder");
@@ -309,29 +306,29 @@ std::optional<float> Cylinder::intersect(const Ray &ray) const {
     return std::nullopt;
 }
 
-SurfaceSample Cylinder::at(float phi, float z) const {
-    const Vec3f outward = axes.to_world({std::cos(phi), std::sin(phi), 0});
-    return {p0 + outward * radius + axes.n * z,
-            flip_normals ? -outward : outward,
-            {phi / (2 * pi), z / height},
-            position_error(std::max(largest(p0), largest(p1)) + radius),
-            1 / area()};
+SurfaceSample Cylinder::at(Vec2f around, float z) const {
+    const Vec3f outward = axes.to_world({around.x, around.y, 0});
+    return {p0 + outward * radius + axes.n * z, flip_normals ? -outward : outward,
+            position_error(std::max(largest(p0), largest(p1)) + radius), 1 / area()};
 }
 
 void Cylinder::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
     const Vec3f local = axes.to_local(ray.origin + ray.direction * found.distance - p0);
-    const SurfaceSample point = at(turns(local.y, local.x), std::clamp(local.z, 0.0f, height));
-    const Vec3f outward = flip_normals ? -point.normal : point.normal;
+    const float r = std::hypot(local.x, local.y), z = std::clamp(local.z, 0.0f, height);
+    const Vec2f around{local.x / r, local.y / r};
+    const SurfaceSample point = at(around, z);
     hit.position = point.position;
     hit.position_error = point.position_error;
-    hit.normal = point.normal;
-    hit.uv = hit.barycentric = point.uv;
-    hit.dp_du = cross(axes.n, outward) * (2 * pi * radius);
+    hit.normal = hit.shading_normal = point.normal;
+    hit.uv = hit.barycentric = {turns(around.y, around.x), z / height};
+    hit.dp_du = axes.to_world({-around.y, around.x, 0}) * (2 * pi * radius);
     hit.dp_dv = axes.n * height;
-    hit.frame = frame_along(hit.normal, hit.dp_du);
     hit.mean_curvature = (flip_normals ? -0.5f : 0.5f) / radius;
 }
 
-SurfaceSample Cylinder::sample(float, Vec2f u) const { return at(2 * pi * u.x, u.y * height); }
+SurfaceSample Cylinder::sample(float, Vec2f u) const {
+    const float phi = 2 * pi * u.x;
+    return at({std::cos(phi), std::sin(phi)}, u.y * height);
+}
 
 } // namespace lajolla

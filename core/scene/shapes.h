@@ -24,12 +24,13 @@ struct Bounds {
     bool empty() const { return !(low.x <= high.x); }
 };
 
-// A point chosen on a shape.
+// A point chosen on a shape. Primitive and barycentrics are those of a ray that hits the point.
 struct SurfaceSample {
     Vec3f position, normal;
-    Vec2f uv;
     float position_error;
     float area_pdf;
+    std::uint32_t primitive = 0;
+    float b1 = 0, b2 = 0;
 };
 
 struct TriangleMesh {
@@ -135,6 +136,9 @@ struct Disk {
     std::optional<float> intersect(const Ray &ray) const;
     void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
     SurfaceSample sample(float, Vec2f u) const;
+
+private:
+    float error() const;
 };
 
 struct Cylinder {
@@ -164,7 +168,7 @@ struct Cylinder {
     SurfaceSample sample(float, Vec2f u) const;
 
 private:
-    SurfaceSample at(float phi, float z) const; // z in [0, height]
+    SurfaceSample at(Vec2f around, float z) const; // a unit vector across the axis, z in [0, height]
 };
 
 using Shape = std::variant<TriangleMesh, Sphere, Rectangle, Disk, Cylinder>;

@@ -20,9 +20,6 @@ namespace lajolla {
 enum class FilterType { bilinear, nearest, trilinear };
 constexpr auto choices(FilterType) { return std::array{"bilinear", "nearest", "trilinear"}; }
 
-enum class WrapMode { repeat, mirror, clamp, zero, one };
-constexpr auto choices(WrapMode) { return std::array{"repeat", "mirror", "clamp", "zero", "one"}; }
-
 struct Bitmap {
     static constexpr const char *name = "bitmap";
     static constexpr const char *doc =

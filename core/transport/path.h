@@ -118,19 +118,19 @@ inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler
         }
         if (depth == max_depth) break;
 
-        const auto surface = scene.surface(hit, wo);
-        if (!surface) break;
+        const Surface surface = scene.surface(hit, wo);
+        if (surface.black) break;
         const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(depth));
-        radiance += throughput * direct(scene, tracer, hit, *surface, u);
+        radiance += throughput * direct(scene, tracer, hit, surface, u);
 
-        const auto scattered = sample(surface->lobe, surface->wo, u.lobe, u.bsdf_uv);
+        const auto scattered = sample(surface.lobe, surface.wo, u.lobe, u.bsdf_uv);
         if (!scattered) break;
         // Radiance over eta^2 is what stays constant along a ray that refracts (Veach 1997, section 5.2).
         throughput *= scattered->weight / sqr(scattered->eta);
         eta *= scattered->eta;
-        const Vec3f wi = surface->frame.to_world(scattered->wi);
+        const Vec3f wi = surface.frame.to_world(scattered->wi);
         from = {hit.position, scattered->pdf, scattered->is_delta()};
-        cone = hit.footprint.scattered(hit.mean_curvature, roughness(surface->lobe), scattered->eta);
+        cone = hit.footprint.scattered(hit.mean_curvature, roughness(surface.lobe), scattered->eta);
         ray = {leave(hit, wi), wi};
 
         ++depth;

@@ -33,7 +33,7 @@ struct ShadingNormal {
     static constexpr auto fields() { return std::tuple(); }
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &, const CameraRay &camera) const {
         return detail::at_first_hit(scene, tracer, camera,
-                                    [](const Hit &hit) { return Spectrum(hit.frame.n); });
+                                    [](const Hit &hit) { return Spectrum(hit.shading_normal); });
     }
 };
 
