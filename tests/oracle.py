@@ -186,7 +186,10 @@ def _upgrade_element(parent: ET.Element, child: ET.Element, old: bool) -> None:
         child.set("value", child.get("value", "").replace("\\", "/"))
     if child.tag == "srgb":
         _upgrade_srgb(child)
-    if child.tag == "spectrum" and old and re.fullmatch(r"[^:]+[\s,][^:]+", child.get("value", "").strip()):
+    if old and child.tag == "spectrum" and re.fullmatch(r"[^:]+[\s,][^:]+", child.get("value", "").strip()):
+        child.tag = "rgb"
+    if old and child.tag == "spectrum" and parent.tag == "emitter" and ":" not in child.get("value", ":"):
+        # One number was white; to Mitsuba 3 it is the equal-energy spectrum, which is reddish in sRGB.
         child.tag = "rgb"
     if child.tag == "texture":
         _upgrade_texture(child, old)
