@@ -24,6 +24,7 @@ public:
         double sum = 0;
         for (const float w : weights) sum += w;
         sum_ = static_cast<float>(sum);
+        size_ = static_cast<float>(weights.size());
         const auto count = static_cast<double>(weights.size());
         double running = 0;
         for (std::size_t i = 0; i < weights.size(); ++i) {
@@ -34,7 +35,7 @@ public:
         if (!weights.empty()) std::replace(cdf_.begin() + 1, cdf_.end(), float(cdf_.back()), 1.0f);
         std::uint32_t entry = 0;
         for (std::size_t k = 0; k < guide_.size(); ++k) {
-            const auto least = static_cast<float>(k) / static_cast<float>(guide_.size());
+            const float least = static_cast<float>(k) / size_;
             while (cdf_[entry + 1] <= least) ++entry;
             guide_[k] = entry;
         }
@@ -46,16 +47,16 @@ public:
 
     // Searches from where the guide table points, a step or two (Chen and Asau 1974).
     Sample sample(float u) const {
-        std::uint32_t index = guide_[static_cast<std::size_t>(u * static_cast<float>(guide_.size()))];
+        std::uint32_t index = guide_[static_cast<std::uint32_t>(u * size_)];
         while (cdf_[index + 1] <= u) ++index;
-        const float p = probability(index);
-        return {index, p, p > 0 ? std::clamp((u - cdf_[index]) / p, 0.0f, one_minus_ulp) : 0};
+        const float low = cdf_[index], p = cdf_[index + 1] - low;
+        return {index, p, std::min((u - low) / p, one_minus_ulp)};
     }
 
 private:
     std::vector<float> cdf_;           // cdf_[i] is the probability of all entries before i
     std::vector<std::uint32_t> guide_; // guide_[k] is the entry at u = k / size
-    float sum_ = 0;
+    float sum_ = 0, size_ = 0;
 };
 
 // Piecewise constant on a width x height grid over the unit square.

@@ -3,7 +3,6 @@
 // dimensions, so that no feature shifts another's numbers, and the eight numbers of a block come from one
 // computation in eight lanes.
 
-#include <array>
 #include <bit>
 #include <cstdint>
 
@@ -72,9 +71,8 @@ inline U32x8 pascal_odd_lanes(U32x8 x) {
     return x ^ ((x >> 16) & odd(0x0000ffffu));
 }
 
-inline std::array<float, 8> to_unit_floats(U32x8 x) {
-    const F32x8 f = __builtin_convertvector(std::bit_cast<I32x8>(x >> 8), F32x8) * 0x1p-24f;
-    return std::bit_cast<std::array<float, 8>>(f);
+inline F32x8 to_unit_floats(U32x8 x) {
+    return __builtin_convertvector(std::bit_cast<I32x8>(x >> 8), F32x8) * 0x1p-24f;
 }
 
 } // namespace detail
@@ -107,15 +105,14 @@ public:
         return {{u[0], u[1]}, {u[2], u[3]}, u[4]};
     }
     BounceSample bounce(std::uint32_t depth) const {
-        const auto u = block(depth + 1);
-        return {{u[0], u[1]}, {u[2], u[3]}, u[4], u[5], u[6], u[7]};
+        return std::bit_cast<BounceSample>(block(depth + 1));
     }
 
 private:
     // Sobol': each pair of dimensions is a two-dimensional Owen-scrambled sequence of its own, its index
     // shuffled by another scrambling, so that pairs are independent (Burley 2020, "Practical Hash-based Owen
     // Scrambling").
-    std::array<float, 8> block(std::uint32_t number) const {
+    F32x8 block(std::uint32_t number) const {
         using namespace detail;
         if (kind_ == SequenceKind::independent) {
             const std::uint64_t hash = mix64(mix64(pixel_ + number) ^ index_);

@@ -11,18 +11,8 @@
 
 #include "python/describe.h"
 #include "python/meshes.h"
-#include "transport/render.h"
 
 namespace lajolla {
-
-// What a description says: the scene, and how it wants to be rendered.
-struct RenderableScene {
-    std::unique_ptr<const Scene> scene;
-    Integrator integrator;
-    SequenceKind sequence;
-    int sample_count;
-    std::uint32_t seed;
-};
 
 namespace {
 

@@ -3,80 +3,21 @@
 
 #include "python/statistics.h"
 
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>
 
-#include <memory>
-#include <vector>
+#include <span>
 
 #include "base/distribution.h"
 #include "base/frame.h"
 #include "base/sampler.h"
 #include "base/warp.h"
+#include "python/arrays.h"
 #include "python/describe.h"
 #include "scatter/bsdfs.h"
 
 namespace lajolla {
 
 namespace {
-
-// One row of N columns per item; a single row stands for all items.
-template <std::size_t N>
-using Rows =
-    nb::ndarray<const float, nb::shape<-1, static_cast<Py_ssize_t>(N)>, nb::c_contig, nb::device::cpu>;
-using Column = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-// An array for NumPy that is filled row by row.
-template <class T, std::size_t N>
-class Table {
-public:
-    explicit Table(std::size_t rows) : values_(std::make_unique<T[]>(rows * N)), rows_(rows) {}
-    T *row(std::size_t i) { return values_.get() + i * N; }
-    void set(std::size_t i, auto... values) {
-        static_assert(sizeof...(values) == N);
-        T *target = row(i);
-        ((*target++ = values), ...);
-    }
-    void set(std::size_t i, Vec2f v) { set(i, v.x, v.y); }
-    template <class Tag>
-    void set(std::size_t i, Triple<Tag> v) {
-        set(i, v.x, v.y, v.z);
-    }
-    void set(std::size_t i, const Frame &frame) {
-        const auto &[s, t, n] = frame;
-        set(i, s.x, s.y, s.z, t.x, t.y, t.z, n.x, n.y, n.z);
-    }
-
-    nb::object to_numpy() && {
-        T *const data = values_.release();
-        const nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<T *>(p); });
-        if constexpr (N == 1) return nb::cast(nb::ndarray<nb::numpy, T>(data, {rows_}, owner));
-        else return nb::cast(nb::ndarray<nb::numpy, T>(data, {rows_, N}, owner));
-    }
-
-private:
-    std::unique_ptr<T[]> values_;
-    std::size_t rows_;
-};
-
-// An array of f(0) ... f(rows - 1).
-template <std::size_t N>
-nb::object tabulate(std::size_t rows, auto &&f) {
-    Table<float, N> table(rows);
-    for (std::size_t i = 0; i < rows; ++i) table.set(i, f(i));
-    return std::move(table).to_numpy();
-}
-
-Vec2f pair(const Rows<2> &rows, std::size_t i) { return {rows(i, 0), rows(i, 1)}; }
-Vec3f triple(const Rows<3> &rows, std::size_t i) {
-    const std::size_t row = rows.shape(0) == 1 ? 0 : i;
-    return {rows(row, 0), rows(row, 1), rows(row, 2)};
-}
-void require_one_or(std::size_t rows, std::size_t expected, const char *name) {
-    if (rows != 1 && rows != expected)
-        throw std::invalid_argument(std::string(name) +
-                                    ": one row or as many rows as the other array expected");
-}
 
 // A BSDF by itself, outside a scene: its textures are constants.
 class LoneBsdf {
@@ -91,7 +32,7 @@ public:
     LoneBsdf &operator=(const LoneBsdf &) = delete;
 
     bool transmissive() const { return is_transmissive(model_); }
-    bool delta() const { return is_delta(lobe_); }
+    bool delta() const { return is_delta(model_); }
     float roughness() const { return lajolla::roughness(lobe_); }
 
     nb::dict sample_many(const Rows<3> &wo, const Rows<3> &u) const;
@@ -297,6 +238,7 @@ void bind_statistics(nb::module_ &m) {
           "Frames s, t, n (N, 9) around unit normals whose s points along dp_du.");
     m.def("transform_inverse", &transform_inverse, nb::arg("matrix"),
           "The inverse of an affine 4x4 matrix, None where it is singular.");
+    bind_scene_statistics(m);
 }
 
 } // namespace lajolla

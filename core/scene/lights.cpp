@@ -15,7 +15,7 @@ struct SphereCone {
     float distance, height;
 };
 
-std::optional<SphereCone> cone_towards(const Sphere &sphere, Vec3f p) {
+std::optional<SphereCone> cone_towards(const Sphere &sphere, const Vec3f &p) {
     const Vec3f to_center = sphere.center - p;
     const float squared = length_squared(to_center), sin_squared = sqr(sphere.radius) / squared;
     if (sin_squared >= 1 - 1e-5f) return std::nullopt; // inside, or so near that the cone is a half space
@@ -23,25 +23,21 @@ std::optional<SphereCone> cone_towards(const Sphere &sphere, Vec3f p) {
     return SphereCone{to_center / distance, distance, sin_squared / (1 + std::sqrt(1 - sin_squared))};
 }
 
-std::optional<SurfaceSample> sample_cone_of(const Sphere &sphere, const SphereCone &cone, Vec2f u) {
+SurfaceSample sample_cone_of(const Sphere &sphere, const SphereCone &cone, Vec2f u) {
     const Vec3f local = sample_cone(u, cone.height);
-    // The near intersection by its angle seen from the sphere's centre (Pharr, Jakob and Humphreys, 4th
-    // ed., 6.2.4).
-    const float sin_squared = std::max(1 - sqr(local.z), 0.0f);
-    const float sin_max = sphere.radius / cone.distance;
+    // The near intersection by its angle seen from the sphere's centre (Pharr, Jakob and Humphreys, 4th ed., 6.2.4).
+    const float sin_squared = sqr(local.x) + sqr(local.y);
     const float along =
         cone.distance * local.z - safe_sqrt(sqr(sphere.radius) - sqr(cone.distance) * sin_squared);
     const float cos_alpha =
         (sqr(cone.distance) + sqr(sphere.radius) - sqr(along)) / (2 * cone.distance * sphere.radius);
     const float sin_alpha = safe_sqrt(1 - sqr(cos_alpha));
-    const float r = std::sqrt(sqr(local.x) + sqr(local.y));
-    const Vec2f around = r > 0 ? Vec2f{local.x / r, local.y / r} : Vec2f{1, 0};
+    const float scale = sin_squared > 0 ? sin_alpha / std::sqrt(sin_squared) : 0;
     const Frame frame = frame_around(-cone.axis);
-    if (!(sin_max > 0)) return std::nullopt;
-    return sphere.at(frame.to_world({sin_alpha * around.x, sin_alpha * around.y, std::min(cos_alpha, 1.0f)}));
+    return sphere.at(normalize(frame.to_world({scale * local.x, scale * local.y, std::min(cos_alpha, 1.0f)})));
 }
 
-DirectSample towards(Vec3f p, const SurfaceSample &point) {
+DirectSample towards(const Vec3f &p, const SurfaceSample &point) {
     const Vec3f to_light = point.position - p;
     const float distance = length(to_light);
     const Vec3f wi = to_light / distance;
@@ -67,30 +63,29 @@ float AreaLight::power(std::span<const TextureModel> textures, const BoundingSph
     return pi * area * sum / (grid * grid);
 }
 
-std::optional<DirectSample> AreaLight::sample_direct(Vec3f p, float u_primitive, Vec2f u,
-                                                     std::span<const TextureModel> textures) const {
+DirectSample AreaLight::sample_direct(const Vec3f &p, float u_primitive, Vec2f u,
+                                      std::span<const TextureModel> textures) const {
     const auto *sphere = std::get_if<Sphere>(shape);
     const auto cone = sphere ? cone_towards(*sphere, p) : std::nullopt;
-    const auto point =
-        cone ? sample_cone_of(*sphere, *cone, u)
-             : match(*shape, [&](const auto &s) { return std::optional(s.sample(u_primitive, u)); });
-    if (!point) return std::nullopt;
-    DirectSample sample = towards(p, *point);
-    const float cosine = -dot(sample.wi, point->normal);
-    if (!(cosine > 0)) return std::nullopt; // seen from behind
-    sample.pdf = cone ? cone_pdf(cone->height) : point->area_pdf * sqr(sample.distance) / cosine;
-    sample.radiance = radiance.constant;
-    if (!radiance.is_constant()) {
-        Hit hit;
-        hit.footprint = {};
-        const RayHit found{sample.distance, point->b1, point->b2, 0, point->primitive};
-        match(*shape, [&](const auto &s) { s.fill({p, sample.wi}, found, hit); });
-        sample.radiance = TextureReader(textures, hit.uv, 0)(radiance);
-    }
+    const SurfaceSample point = cone ? sample_cone_of(*sphere, *cone, u)
+                                     : match(*shape, [&](const auto &s) { return s.sample(u_primitive, u); });
+    DirectSample sample = towards(p, point);
+    const float cosine = -dot(sample.wi, point.normal);
+    if (!(cosine > 0)) return {}; // seen from behind
+    sample.pdf = cone ? cone_pdf(cone->height) : point.area_pdf * sqr(sample.distance) / cosine;
+    sample.radiance = radiance.is_constant() ? radiance.constant : textured_radiance(p, sample, point, textures);
     return sample;
 }
 
-float AreaLight::pdf_hit(Vec3f p, const Hit &hit, Vec3f wi) const {
+Spectrum AreaLight::textured_radiance(const Vec3f &p, const DirectSample &sample, const SurfaceSample &point,
+                                      std::span<const TextureModel> textures) const {
+    Hit hit;
+    const RayHit found{sample.distance, point.b1, point.b2, 0, point.primitive};
+    match(*shape, [&](const auto &s) { s.fill({p, sample.wi}, found, hit); });
+    return TextureReader(textures, hit.uv, 0)(radiance);
+}
+
+float AreaLight::pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const {
     if (const auto *sphere = std::get_if<Sphere>(shape))
         if (const auto cone = cone_towards(*sphere, p)) return cone_pdf(cone->height);
     const float cosine = std::abs(dot(wi, hit.normal));
@@ -137,7 +132,7 @@ float EnvironmentMap::power(std::span<const TextureModel>, const BoundingSphere 
 }
 
 // The square is (phi / 2 pi, theta / pi), phi counted from the centre of the first column.
-Vec2f EnvironmentMap::to_square(Vec3f direction) const {
+Vec2f EnvironmentMap::to_square(const Vec3f &direction) const {
     const Vec3f d = to_local_.vector(direction);
     const float turn = std::atan2(d.x, -d.z) * (0.5f * inv_pi) - 0.5f / static_cast<float>(image->width);
     return {turn - std::floor(turn), std::atan2(std::sqrt(d.x * d.x + d.z * d.z), d.y) * inv_pi};
@@ -148,20 +143,20 @@ Spectrum EnvironmentMap::look_up(Vec2f square) const {
     return bilinear(*image, square * size + Vec2f{0.5f, 0.5f}, WrapMode::repeat, WrapMode::clamp) * scale;
 }
 
-Spectrum EnvironmentMap::emitted(Vec3f direction) const { return look_up(to_square(direction)); }
+Spectrum EnvironmentMap::emitted(const Vec3f &direction) const { return look_up(to_square(direction)); }
 
-std::optional<DirectSample> EnvironmentMap::sample_direct(Vec3f, float, Vec2f u,
+DirectSample EnvironmentMap::sample_direct(const Vec3f &, float, Vec2f u,
                                                           std::span<const TextureModel>) const {
     const auto [square, density] = distribution_.sample(u);
     const float theta = pi * square.y, sin_theta = std::sin(theta);
     const float phi = 2 * pi * (square.x + 0.5f / static_cast<float>(image->width));
-    if (!(sin_theta > 0) || !(density > 0)) return std::nullopt;
+    if (!(sin_theta > 0) || !(density > 0)) return {};
     const Vec3f local{std::sin(phi) * sin_theta, std::cos(theta), -std::cos(phi) * sin_theta};
     const float pdf = density / (2 * pi * pi * sin_theta);
     return DirectSample{normalize(to_world.vector(local)), infinity, {}, look_up(square), pdf};
 }
 
-float EnvironmentMap::pdf_direction(Vec3f wi) const {
+float EnvironmentMap::pdf_direction(const Vec3f &wi) const {
     const Vec2f square = to_square(wi);
     const float sin_theta = std::sin(pi * square.y);
     return sin_theta > 0 ? distribution_.pdf(square) / (2 * pi * pi * sin_theta) : 0;
@@ -169,11 +164,11 @@ float EnvironmentMap::pdf_direction(Vec3f wi) const {
 
 // Point, directional, spot
 
-std::optional<DirectSample> PointLight::sample_direct(Vec3f p, float, Vec2f,
+DirectSample PointLight::sample_direct(const Vec3f &p, float, Vec2f,
                                                       std::span<const TextureModel>) const {
     const Vec3f to_light = position - p;
     const float squared = length_squared(to_light), distance = std::sqrt(squared);
-    if (!(squared > 0)) return std::nullopt;
+    if (!(squared > 0)) return {};
     return DirectSample{to_light / distance, distance, position, intensity / squared, 1, true};
 }
 
@@ -206,13 +201,13 @@ float SpotLight::power(std::span<const TextureModel>, const BoundingSphere &) co
     return 2 * pi * luminance(intensity) * sum * last / steps;
 }
 
-std::optional<DirectSample> SpotLight::sample_direct(Vec3f p, float, Vec2f,
+DirectSample SpotLight::sample_direct(const Vec3f &p, float, Vec2f,
                                                      std::span<const TextureModel>) const {
     const Vec3f to_light = to_world.origin() - p;
     const float squared = length_squared(to_light), distance = std::sqrt(squared);
-    if (!(squared > 0)) return std::nullopt;
+    if (!(squared > 0)) return {};
     const float shine = falloff(-dot(to_light, axes.n) / distance);
-    if (shine <= 0) return std::nullopt;
+    if (shine <= 0) return {};
     return DirectSample{to_light / distance,           distance, to_world.origin(),
                         intensity * (shine / squared), 1,        true};
 }
@@ -235,21 +230,22 @@ LightPicker::LightPicker(std::span<const Light> lights, std::span<const TextureM
     powers_ = Distribution(powers);
 }
 
-std::optional<DirectSample> LightPicker::sample_direct(Vec3f p, float u_pick, Vec2f u) const {
+DirectSample LightPicker::sample_direct(const Vec3f &p, float u_pick, Vec2f u) const {
     const auto pick = powers_.sample(u_pick);
-    auto sample = match(lights_[pick.index],
-                        [&](const auto &light) { return light.sample_direct(p, pick.rest, u, textures_); });
-    if (sample && sample->delta) sample->radiance *= 1 / pick.probability;
-    else if (sample) sample->pdf *= pick.probability;
+    DirectSample sample = match(lights_[pick.index], [&](const auto &light) {
+        return light.sample_direct(p, pick.rest, u, textures_);
+    });
+    if (sample.delta) sample.radiance *= 1 / pick.probability;
+    else sample.pdf *= pick.probability;
     return sample;
 }
 
-float LightPicker::pdf_hit(Vec3f p, const Hit &hit, Vec3f wi) const {
+float LightPicker::pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const {
     const auto &light = std::get<AreaLight>(lights_[static_cast<std::size_t>(hit.emitter)]);
     return powers_.probability(static_cast<std::uint32_t>(hit.emitter)) * light.pdf_hit(p, hit, wi);
 }
 
-float LightPicker::pdf_environment(Vec3f wi) const {
+float LightPicker::pdf_environment(const Vec3f &wi) const {
     if (environment_ < 0) return 0;
     const auto index = static_cast<std::uint32_t>(environment_);
     return powers_.probability(index) * match(lights_[index], [&](const auto &light) {
@@ -258,13 +254,13 @@ float LightPicker::pdf_environment(Vec3f wi) const {
            });
 }
 
-Spectrum LightPicker::emitted(const Hit &hit, Vec3f wo) const {
+Spectrum LightPicker::emitted(const Hit &hit, const Vec3f &wo) const {
     return hit.emitter < 0 ? Spectrum(0)
                            : std::get<AreaLight>(lights_[static_cast<std::size_t>(hit.emitter)])
                                  .emitted(hit, wo, textures_);
 }
 
-Spectrum LightPicker::environment(Vec3f direction) const {
+Spectrum LightPicker::environment(const Vec3f &direction) const {
     if (environment_ < 0) return Spectrum(0);
     return match(lights_[static_cast<std::size_t>(environment_)], [&](const auto &light) {
         if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) return light.emitted(direction);

@@ -23,14 +23,14 @@ struct BoundingSphere {
     float radius = 1;
 };
 
-// A direction towards a light.
+// A direction towards a light; none where pdf is zero.
 struct DirectSample {
-    Vec3f wi;           // unit length
-    float distance;     // infinity for lights around the scene
-    Vec3f target;       // where the light is, moved off its surface; meaningless at infinite distance
-    Spectrum radiance;  // for point-like lights: radiant intensity over squared distance
-    float pdf;          // per solid angle; 1 for lights that no ray can hit
-    bool delta = false; // no ray can hit the light, only sampling finds it
+    Vec3f wi{0};                 // unit length
+    float distance = 0;          // infinity for lights around the scene
+    Vec3f target{0};             // where the light is, moved off its surface; meaningless at infinite distance
+    Spectrum radiance{0};        // for lights without area: radiant intensity over squared distance, or irradiance
+    float pdf = 0;               // per solid angle; 1 for lights that no ray can hit
+    bool delta = false;          // no ray can hit the light, only sampling finds it
 };
 
 struct AreaLight {
@@ -45,13 +45,17 @@ struct AreaLight {
             field("radiance", &AreaLight::radiance, "emitted radiance").range(0).unit("W/(m^2 sr)"));
     }
     float power(std::span<const TextureModel> textures, const BoundingSphere &) const;
-    std::optional<DirectSample> sample_direct(Vec3f p, float u_primitive, Vec2f u,
+    DirectSample sample_direct(const Vec3f &p, float u_primitive, Vec2f u,
                                               std::span<const TextureModel> textures) const;
-    float pdf_hit(Vec3f p, const Hit &hit, Vec3f wi) const; // of sampling this hit from p
-    Spectrum emitted(const Hit &hit, Vec3f wo, std::span<const TextureModel> textures) const {
+    float pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const; // of sampling this hit from p
+    Spectrum emitted(const Hit &hit, const Vec3f &wo, std::span<const TextureModel> textures) const {
         if (dot(hit.normal, wo) <= 0) return Spectrum(0);
         return TextureReader(textures, hit.uv, hit.uv_footprint())(radiance);
     }
+
+private:
+    Spectrum textured_radiance(const Vec3f &p, const DirectSample &sample, const SurfaceSample &point,
+                               std::span<const TextureModel> textures) const;
 };
 
 struct ConstantLight {
@@ -67,11 +71,11 @@ struct ConstantLight {
     float power(std::span<const TextureModel>, const BoundingSphere &scene) const {
         return 4 * pi * pi * sqr(scene.radius) * luminance(radiance);
     }
-    std::optional<DirectSample> sample_direct(Vec3f, float, Vec2f u, std::span<const TextureModel>) const {
+    DirectSample sample_direct(const Vec3f &, float, Vec2f u, std::span<const TextureModel>) const {
         return DirectSample{sample_sphere(u), infinity, {}, radiance, sphere_pdf};
     }
-    Spectrum emitted(Vec3f) const { return radiance; }
-    float pdf_direction(Vec3f) const { return sphere_pdf; }
+    Spectrum emitted(const Vec3f &) const { return radiance; }
+    float pdf_direction(const Vec3f &) const { return sphere_pdf; }
 };
 
 struct EnvironmentMap {
@@ -89,12 +93,12 @@ struct EnvironmentMap {
     }
     void build();
     float power(std::span<const TextureModel>, const BoundingSphere &scene) const;
-    std::optional<DirectSample> sample_direct(Vec3f p, float, Vec2f u, std::span<const TextureModel>) const;
-    Spectrum emitted(Vec3f direction) const; // seen along a direction
-    float pdf_direction(Vec3f wi) const;
+    DirectSample sample_direct(const Vec3f &p, float, Vec2f u, std::span<const TextureModel>) const;
+    Spectrum emitted(const Vec3f &direction) const; // seen along a direction
+    float pdf_direction(const Vec3f &wi) const;
 
 private:
-    Vec2f to_square(Vec3f direction) const;
+    Vec2f to_square(const Vec3f &direction) const;
     Spectrum look_up(Vec2f square) const;
 
     Transform to_local_;
@@ -116,7 +120,7 @@ struct PointLight {
     float power(std::span<const TextureModel>, const BoundingSphere &) const {
         return 4 * pi * luminance(intensity);
     }
-    std::optional<DirectSample> sample_direct(Vec3f p, float, Vec2f, std::span<const TextureModel>) const;
+    DirectSample sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel>) const;
 };
 
 struct DirectionalLight {
@@ -135,7 +139,7 @@ struct DirectionalLight {
     float power(std::span<const TextureModel>, const BoundingSphere &scene) const {
         return pi * sqr(scene.radius) * luminance(irradiance);
     }
-    std::optional<DirectSample> sample_direct(Vec3f, float, Vec2f, std::span<const TextureModel>) const {
+    DirectSample sample_direct(const Vec3f &, float, Vec2f, std::span<const TextureModel>) const {
         return DirectSample{-direction, infinity, {}, irradiance, 1, true};
     }
 };
@@ -164,7 +168,7 @@ struct SpotLight {
     }
     void build();
     float power(std::span<const TextureModel>, const BoundingSphere &) const;
-    std::optional<DirectSample> sample_direct(Vec3f p, float, Vec2f, std::span<const TextureModel>) const;
+    DirectSample sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel>) const;
 
 private:
     float falloff(float cos_angle) const;
@@ -185,13 +189,13 @@ public:
 
     bool empty() const { return lights_.empty(); }
     // `u_pick` also chooses within a light; densities include the pick.
-    std::optional<DirectSample> sample_direct(Vec3f p, float u_pick, Vec2f u) const;
+    DirectSample sample_direct(const Vec3f &p, float u_pick, Vec2f u) const;
     // Density of sampling a hit on a light, or a direction that leaves the scene, from p.
-    float pdf_hit(Vec3f p, const Hit &hit, Vec3f wi) const;
-    float pdf_environment(Vec3f wi) const;
+    float pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const;
+    float pdf_environment(const Vec3f &wi) const;
     // Radiance that a ray carries from a light it hits, or from around the scene.
-    Spectrum emitted(const Hit &hit, Vec3f wo) const;
-    Spectrum environment(Vec3f direction) const;
+    Spectrum emitted(const Hit &hit, const Vec3f &wo) const;
+    Spectrum environment(const Vec3f &direction) const;
 
 private:
     std::span<const Light> lights_;

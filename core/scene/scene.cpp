@@ -27,7 +27,9 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
         if (const auto *area = std::get_if<AreaLight>(&light); area && !area->shape)
             throw std::invalid_argument("an area emitter needs a shape");
 
-    for (const Bsdf &bsdf : parts_.bsdfs) bsdf_traits_.push_back({is_transmissive(bsdf), is_isotropic(bsdf)});
+    for (const Bsdf &bsdf : parts_.bsdfs) bsdf_traits_.push_back({is_transmissive(bsdf), is_isotropic(bsdf), is_delta(bsdf)});
+    for (const TextureModel &texture : parts_.textures)
+        if (const auto *bitmap = std::get_if<Bitmap>(&texture)) reads_footprints_ |= !bitmap->levels.empty();
     for (const Material &material : parts_.materials)
         has_passages_ |= !(material.opacity == Texture<float>(1)) ||
                          (material.front >= 0 && std::holds_alternative<Null>(
@@ -54,17 +56,18 @@ Hit Scene::hit(const Ray &ray, const RayHit &found, const RayCone &cone) const {
     return hit;
 }
 
-Surface Scene::surface(const Hit &hit, Vec3f wo) const {
-    if (hit.material < 0) return {true, {}, {}, {}};
+Surface Scene::surface(const Hit &hit, const Vec3f &wo) const {
+    if (hit.material < 0) return {true, {}, {}, {}, {}};
     const Material &material = parts_.materials[static_cast<std::size_t>(hit.material)];
     const auto traits = [&](std::int32_t bsdf) { return bsdf_traits_[static_cast<std::size_t>(bsdf)]; };
     const bool behind = dot(hit.shading_normal, wo) < 0;
     const bool turned = behind && (material.front < 0 || !traits(material.front).transmissive);
     const std::int32_t side = turned ? material.back : material.front;
-    if (side < 0) return {true, {}, {}, {}};
+    if (side < 0) return {true, {}, {}, {}, {}};
     const Vec3f n = turned ? -hit.shading_normal : hit.shading_normal;
     const Frame frame = traits(side).isotropic ? frame_around(n) : frame_along(n, hit.dp_du);
-    return {false, frame, frame.to_local(wo), prepare(parts_.bsdfs[static_cast<std::size_t>(side)], reader(hit))};
+    return {false, traits(side).delta, frame, frame.to_local(wo),
+            prepare(parts_.bsdfs[static_cast<std::size_t>(side)], reader(hit))};
 }
 
 float Scene::passage(const Hit &hit) const {

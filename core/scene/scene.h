@@ -43,6 +43,7 @@ struct SceneParts {
 // A surface point made ready to scatter: the lobe and the frame it lives in.
 struct Surface {
     bool black; // nothing is scattered: the rest is meaningless
+    bool delta; // only sampling the lobe finds where it scatters
     Frame frame;
     Vec3f wo; // local
     Lobe lobe;
@@ -70,13 +71,16 @@ public:
     Hit hit(const Ray &ray, const RayHit &found, const RayCone &cone) const;
 
     // The lobe at a hit, seen from `wo` (world space).
-    Surface surface(const Hit &hit, Vec3f wo) const;
+    Surface surface(const Hit &hit, const Vec3f &wo) const;
 
     // The fraction of light that passes straight through a hit: 1 - opacity, and all of it at a `null`
     // surface.
     float passage(const Hit &hit) const;
     // Whether any surface lets light pass, so that shadow rays must look at what they meet.
     bool has_passages() const { return has_passages_; }
+
+    // Whether any texture depends on the size of what a pixel sees.
+    bool reads_footprints() const { return reads_footprints_; }
 
     // The bitmap that the front BSDF of a hit's material reads first, if any.
     const Bitmap *first_bitmap(const Hit &hit) const;
@@ -88,13 +92,13 @@ private:
 
     SceneParts parts_;
     struct BsdfTraits {
-        bool transmissive, isotropic;
+        bool transmissive, isotropic, delta;
     };
     std::vector<BsdfTraits> bsdf_traits_;
     std::optional<Accel> accel_;
     LightPicker picker_;
     FilterSampler filter_;
-    bool has_passages_ = false;
+    bool has_passages_ = false, reads_footprints_ = false;
 };
 
 } // namespace lajolla

@@ -57,10 +57,17 @@ void TriangleMesh::build() {
 }
 
 void TriangleMesh::prepare_sampling() {
-    std::vector<float> weights(mesh->triangles.size());
-    for (std::uint32_t i = 0; i < weights.size(); ++i) {
-        const auto [a, b, c] = corners(i);
-        weights[i] = length(cross(b - a, c - a)) / 2;
+    std::vector<float> weights;
+    light_triangles.clear();
+    for (const Triangle &t : mesh->triangles) {
+        const Vec3f a = mesh->positions[t[0]], b = mesh->positions[t[1]], c = mesh->positions[t[2]];
+        const Vec3f scaled_normal = cross(b - a, c - a);
+        const float area = length(scaled_normal) / 2;
+        const Vec3f shading = has_normals() ? mesh->normals[t[0]] + mesh->normals[t[1]] + mesh->normals[t[2]] : scaled_normal;
+        const bool turned = (dot(scaled_normal, shading) < 0) != flip_normals;
+        const Vec3f normal = area > 0 ? scaled_normal / (turned ? -2 * area : 2 * area) : Vec3f(0);
+        light_triangles.push_back({a, b - a, c - a, normal, position_error(std::max({largest(a), largest(b), largest(c)}))});
+        weights.push_back(area);
     }
     areas = Distribution(weights);
 }
@@ -116,22 +123,10 @@ void TriangleMesh::fill(const Ray &, const RayHit &found, Hit &hit) const {
 }
 
 SurfaceSample TriangleMesh::sample(float u_triangle, Vec2f u) const {
-    const auto chosen = areas.sample(u_triangle);
-    const Triangle &t = mesh->triangles[chosen.index];
-    const auto [a, b, c] = corners(chosen.index);
-    const Vec2f b12 = sample_triangle(u);
-    const float b0 = 1 - b12.x - b12.y;
-    Vec3f normal = normalize(cross(b - a, c - a));
-    if (has_normals() &&
-        dot(normal, mesh->normals[t[0]] * b0 + mesh->normals[t[1]] * b12.x + mesh->normals[t[2]] * b12.y) < 0)
-        normal = -normal;
-    return {a * b0 + b * b12.x + c * b12.y,
-            flip_normals ? -normal : normal,
-            position_error(std::max({largest(a), largest(b), largest(c)})),
-            1 / areas.sum(),
-            chosen.index,
-            b12.x,
-            b12.y};
+    const std::uint32_t index = areas.sample(u_triangle).index;
+    const LightTriangle &t = light_triangles[index];
+    const Vec2f b = sample_triangle(u);
+    return {t.corner + t.edge1 * b.x + t.edge2 * b.y, t.normal, t.position_error, 1 / areas.sum(), index, b.x, b.y};
 }
 
 // Sphere
@@ -177,7 +172,7 @@ void Sphere::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
     hit.mean_curvature = (flip_normals ? -1 : 1) / radius;
 }
 
-SurfaceSample Sphere::at(Vec3f direction) const {
+SurfaceSample Sphere::at(const Vec3f &direction) const {
     return {center + direction * radius, flip_normals ? -direction : direction, error(), 1 / area()};
 }
 

@@ -39,7 +39,13 @@ struct TriangleMesh {
     std::shared_ptr<const Mesh> mesh;
     Transform to_world;
     bool face_normals = false, flip_normals = false;
-    Distribution areas; // over triangles, where the mesh is a light
+    // What sampling needs to know of each triangle, where the mesh is a light.
+    struct LightTriangle {
+        Vec3f corner, edge1, edge2, normal;
+        float position_error;
+    };
+    std::vector<LightTriangle> light_triangles;
+    Distribution areas;
     Bounds box;
 
     static constexpr auto fields() {
@@ -55,10 +61,6 @@ struct TriangleMesh {
     float area() const { return areas.sum(); }
     void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
     SurfaceSample sample(float u_triangle, Vec2f u) const;
-    std::array<Vec3f, 3> corners(std::uint32_t triangle) const {
-        const Triangle &t = mesh->triangles[triangle];
-        return {mesh->positions[t[0]], mesh->positions[t[1]], mesh->positions[t[2]]};
-    }
 
 private:
     bool has_normals() const { return !face_normals && !mesh->normals.empty(); }
@@ -87,7 +89,7 @@ struct Sphere {
     void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
     SurfaceSample sample(float, Vec2f u) const { return at(sample_sphere(u)); }
     // The point in a direction from the centre.
-    SurfaceSample at(Vec3f direction) const;
+    SurfaceSample at(const Vec3f &direction) const;
 
 private:
     float error() const { return position_error(max_component(abs(center)) + radius); }

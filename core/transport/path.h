@@ -74,14 +74,14 @@ inline float Path::weight_of_light(const DirectSample &light, float bsdf_pdf) co
 
 inline Spectrum Path::direct(const Scene &scene, Tracer &tracer, const Hit &hit, const Surface &surface,
                              const BounceSample &u) const {
-    if (is_delta(surface.lobe) || scene.lights().empty()) return Spectrum(0);
-    const auto light = scene.lights().sample_direct(hit.position, u.light, u.light_uv);
-    if (!light) return Spectrum(0);
-    const BsdfEval bsdf = eval(surface.lobe, surface.wo, surface.frame.to_local(light->wi));
-    const float weight = weight_of_light(*light, bsdf.pdf);
+    if (surface.delta || scene.lights().empty()) return Spectrum(0);
+    const DirectSample light = scene.lights().sample_direct(hit.position, u.light, u.light_uv);
+    if (light.pdf == 0) return Spectrum(0);
+    const BsdfEval bsdf = eval(surface.lobe, surface.wo, surface.frame.to_local(light.wi));
+    const float weight = weight_of_light(light, bsdf.pdf);
     if (is_black(bsdf.f_cos) || weight == 0) return Spectrum(0);
-    const float visible = transmittance(scene, tracer, hit, *light);
-    return bsdf.f_cos * light->radiance * (visible * weight / (light->pdf * sqr(bsdf.eta)));
+    const float visible = transmittance(scene, tracer, hit, light);
+    return bsdf.f_cos * light.radiance * (visible * weight / (light.pdf * sqr(bsdf.eta)));
 }
 
 inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
@@ -94,21 +94,22 @@ inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler
     int passages = 0;                       // surfaces that the path went straight through
 
     for (int depth = 1; depth <= max_depth || max_depth < 0;) {
+        // Drawn before the ray is traced: the processor computes both at once.
+        const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(depth));
         const auto found = tracer.closest(ray);
         if (!found) {
             if (depth > 1 || !hide_emitters)
-                radiance +=
-                    throughput * scene.lights().environment(ray.direction) *
-                    weight_of_hit(from, from.delta ? 0 : scene.lights().pdf_environment(ray.direction));
+                radiance += throughput * scene.lights().environment(ray.direction) *
+                            weight_of_hit(from, from.delta ? 0 : scene.lights().pdf_environment(ray.direction));
             break;
         }
         const Hit hit = scene.hit(ray, *found, cone);
         const Vec3f wo = -ray.direction;
         const bool hidden = hide_emitters && depth == 1 && hit.emitter >= 0;
         if (hit.emitter >= 0 && !hidden)
-            radiance += throughput * scene.lights().emitted(hit, wo) *
-                        weight_of_hit(
-                            from, from.delta ? 0 : scene.lights().pdf_hit(from.position, hit, ray.direction));
+            radiance +=
+                throughput * scene.lights().emitted(hit, wo) *
+                weight_of_hit(from, from.delta ? 0 : scene.lights().pdf_hit(from.position, hit, ray.direction));
 
         if (hidden || passes(scene.passage(hit), flight)) {
             if (++passages > max_passages) break;
@@ -120,7 +121,6 @@ inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler
 
         const Surface surface = scene.surface(hit, wo);
         if (surface.black) break;
-        const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(depth));
         radiance += throughput * direct(scene, tracer, hit, surface, u);
 
         const auto scattered = sample(surface.lobe, surface.wo, u.lobe, u.bsdf_uv);
@@ -128,10 +128,15 @@ inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler
         // Radiance over eta^2 is what stays constant along a ray that refracts (Veach 1997, section 5.2).
         throughput *= scattered->weight / sqr(scattered->eta);
         eta *= scattered->eta;
-        const Vec3f wi = surface.frame.to_world(scattered->wi);
-        from = {hit.position, scattered->pdf, scattered->is_delta()};
-        cone = hit.footprint.scattered(hit.mean_curvature, roughness(surface.lobe), scattered->eta);
-        ray = {leave(hit, wi), wi};
+        from.position = hit.position;
+        from.pdf = scattered->pdf;
+        from.delta = scattered->is_delta();
+        ray.direction = surface.frame.to_world(scattered->wi);
+        ray.origin = leave(hit, ray.direction);
+        ray.near = 0;
+        ray.far = infinity;
+        if (scene.reads_footprints())
+            cone = hit.footprint.scattered(hit.mean_curvature, roughness(surface.lobe), scattered->eta);
 
         ++depth;
         flight = u.flight;

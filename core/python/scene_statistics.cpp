@@ -1,0 +1,239 @@
+// Vectorised calls into lights, filters, shapes and hits of a scene, for the statistical tests.
+
+#include "python/statistics.h"
+
+#include <nanobind/stl/optional.h>
+
+#include <optional>
+#include <vector>
+
+#include "python/arrays.h"
+#include "python/describe.h"
+#include "python/scene.h"
+
+namespace lajolla {
+
+namespace {
+
+using namespace nb::literals;
+using Point = nb::ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu>;
+using Index = std::optional<std::uint32_t>; // of one light; none: all of them, picked by power
+
+Vec3f point_of(const Point &p) { return {p(0), p(1), p(2)}; }
+
+const Light &light_at(const Scene &scene, std::uint32_t index) {
+    if (index >= scene.parts().lights.size()) throw nb::index_error("there is no such emitter");
+    return scene.parts().lights[index];
+}
+
+DirectSample sample_light(const Scene &scene, Index index, Vec3f p, Vec3f u) {
+    if (!index) return scene.lights().sample_direct(p, u.x, {u.y, u.z});
+    return match(light_at(scene, *index), [&](const auto &light) {
+        return light.sample_direct(p, u.x, {u.y, u.z}, scene.parts().textures);
+    });
+}
+
+// Whether a light's sample is seen from p, as a path's shadow ray finds out.
+bool sees(const Scene &scene, Tracer &tracer, Vec3f p, const DirectSample &sample) {
+    Hit here{};
+    here.position = p;
+    return transmittance(scene, tracer, here, sample) > 0;
+}
+
+nb::dict emitter_sample_many(const RenderableScene &self, const Point &point, const Rows<3> &u, Index index) {
+    const Scene &scene = *self.scene;
+    Tracer tracer(scene.accel());
+    const std::size_t n = u.shape(0);
+    Table<float, 3> wi(n), radiance(n);
+    Table<float, 1> distance(n), pdf(n);
+    Table<bool, 1> delta(n), visible(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        const DirectSample s = sample_light(scene, index, point_of(point), triple(u, i));
+        wi.set(i, s.wi);
+        radiance.set(i, s.radiance);
+        distance.set(i, s.distance);
+        pdf.set(i, s.pdf);
+        delta.set(i, s.delta);
+        visible.set(i, s.pdf > 0 && sees(scene, tracer, point_of(point), s));
+    }
+    nb::dict result;
+    result["wi"] = std::move(wi).to_numpy();
+    result["distance"] = std::move(distance).to_numpy();
+    result["radiance"] = std::move(radiance).to_numpy();
+    result["pdf"] = std::move(pdf).to_numpy();
+    result["delta"] = std::move(delta).to_numpy();
+    result["visible"] = std::move(visible).to_numpy();
+    return result;
+}
+
+struct Arrival {
+    Spectrum radiance{0};
+    float pdf = 0;
+};
+
+// What a path finds that leaves p along wi: radiance, and the density with which lights sample that
+// direction. Nothing where a light is seen from behind: it is not sampled there.
+Arrival arrival(const Scene &scene, Index index, Vec3f p, Vec3f wi) {
+    const Ray ray{p, wi};
+    const auto found = scene.accel().closest(ray);
+    if (!found) {
+        if (!index) return {scene.lights().environment(wi), scene.lights().pdf_environment(wi)};
+        return match(light_at(scene, *index), [&](const auto &light) {
+            if constexpr (IsEnvironment<std::decay_t<decltype(light)>>)
+                return Arrival{light.emitted(wi), light.pdf_direction(wi)};
+            else return Arrival{};
+        });
+    }
+    const Hit hit = scene.hit(ray, *found, {});
+    if (hit.emitter < 0 || dot(hit.normal, wi) >= 0) return {};
+    const Spectrum radiance = scene.lights().emitted(hit, -wi);
+    if (!index) return {radiance, scene.lights().pdf_hit(p, hit, wi)};
+    const auto *light = std::get_if<AreaLight>(&light_at(scene, *index));
+    const bool is_this = light && static_cast<std::uint32_t>(hit.emitter) == *index;
+    return is_this ? Arrival{radiance, light->pdf_hit(p, hit, wi)} : Arrival{};
+}
+
+nb::tuple emitter_eval_many(const RenderableScene &self, const Point &point, const Rows<3> &wi, Index index) {
+    Table<float, 3> radiance(wi.shape(0));
+    Table<float, 1> pdf(wi.shape(0));
+    for (std::size_t i = 0; i < wi.shape(0); ++i) {
+        const Arrival a = arrival(*self.scene, index, point_of(point), triple(wi, i));
+        radiance.set(i, a.radiance);
+        pdf.set(i, a.pdf);
+    }
+    return nb::make_tuple(std::move(radiance).to_numpy(), std::move(pdf).to_numpy());
+}
+
+nb::object emitter_powers(const RenderableScene &self, float radius) {
+    const Scene &scene = *self.scene;
+    return tabulate<1>(scene.parts().lights.size(), [&](std::size_t i) {
+        return match(scene.parts().lights[i], [&](const auto &light) {
+            return light.power(scene.parts().textures, {Vec3f(0), radius});
+        });
+    });
+}
+
+nb::tuple filter_sample_many(const nb::dict &description, const Rows<2> &u) {
+    const FilterSampler filter(variant_from<PixelFilter>(description, "rfilter"));
+    Table<float, 2> offset(u.shape(0));
+    Table<float, 1> weight(u.shape(0));
+    for (std::size_t i = 0; i < u.shape(0); ++i) {
+        const auto s = filter.sample(pair(u, i));
+        offset.set(i, s.offset);
+        weight.set(i, s.weight);
+    }
+    return nb::make_tuple(std::move(offset).to_numpy(), std::move(weight).to_numpy());
+}
+
+nb::dict shape_sample_many(const RenderableScene &self, std::uint32_t index, const Rows<3> &u) {
+    const SceneParts &parts = self.scene->parts();
+    if (index >= parts.shapes.size()) throw nb::index_error("there is no such shape");
+    if (parts.slots[index].emitter < 0)
+        throw std::invalid_argument("only shapes that are lights can be sampled");
+    const std::size_t n = u.shape(0);
+    Table<float, 3> position(n), normal(n);
+    Table<float, 2> barycentric(n);
+    Table<float, 1> position_error(n), area_pdf(n);
+    Table<std::uint32_t, 1> primitive(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        const SurfaceSample s = match(parts.shapes[index], [&](const auto &shape) {
+            return shape.sample(u(i, 0), {u(i, 1), u(i, 2)});
+        });
+        position.set(i, s.position);
+        normal.set(i, s.normal);
+        barycentric.set(i, Vec2f{s.b1, s.b2});
+        position_error.set(i, s.position_error);
+        area_pdf.set(i, s.area_pdf);
+        primitive.set(i, s.primitive);
+    }
+    nb::dict result;
+    result["position"] = std::move(position).to_numpy();
+    result["normal"] = std::move(normal).to_numpy();
+    result["barycentric"] = std::move(barycentric).to_numpy();
+    result["position_error"] = std::move(position_error).to_numpy();
+    result["area_pdf"] = std::move(area_pdf).to_numpy();
+    result["primitive"] = std::move(primitive).to_numpy();
+    return result;
+}
+
+// The closest hits of rays; none where a ray meets nothing.
+std::vector<std::optional<Hit>> closest_hits(const Scene &scene, const Rows<3> &origins,
+                                             const Rows<3> &directions) {
+    require_one_or(origins.shape(0), directions.shape(0), "origins");
+    std::vector<std::optional<Hit>> hits(directions.shape(0));
+    for (std::size_t i = 0; i < hits.size(); ++i) {
+        const Ray ray{triple(origins, i), triple(directions, i)};
+        if (const auto found = scene.accel().closest(ray)) hits[i] = scene.hit(ray, *found, {});
+    }
+    return hits;
+}
+
+// A column of hits; zero where there is none.
+template <class T, std::size_t N>
+nb::object column(const std::vector<std::optional<Hit>> &hits, auto &&f) {
+    Table<T, N> table(hits.size());
+    for (std::size_t i = 0; i < hits.size(); ++i) table.set(i, f(hits[i] ? *hits[i] : Hit{}));
+    return std::move(table).to_numpy();
+}
+
+nb::dict hit_many(const RenderableScene &self, const Rows<3> &origins, const Rows<3> &directions) {
+    const auto hits = closest_hits(*self.scene, origins, directions);
+    Table<bool, 1> valid(hits.size());
+    for (std::size_t i = 0; i < hits.size(); ++i) valid.set(i, hits[i].has_value());
+    nb::dict result;
+    result["valid"] = std::move(valid).to_numpy();
+    result["position"] = column<float, 3>(hits, [](const Hit &h) { return h.position; });
+    result["normal"] = column<float, 3>(hits, [](const Hit &h) { return h.normal; });
+    result["shading_normal"] = column<float, 3>(hits, [](const Hit &h) { return h.shading_normal; });
+    result["dp_du"] = column<float, 3>(hits, [](const Hit &h) { return h.dp_du; });
+    result["dp_dv"] = column<float, 3>(hits, [](const Hit &h) { return h.dp_dv; });
+    result["barycentric"] = column<float, 2>(hits, [](const Hit &h) { return h.barycentric; });
+    result["uv"] = column<float, 2>(hits, [](const Hit &h) { return h.uv; });
+    result["distance"] = column<float, 1>(hits, [](const Hit &h) { return h.distance; });
+    result["position_error"] = column<float, 1>(hits, [](const Hit &h) { return h.position_error; });
+    result["mean_curvature"] = column<float, 1>(hits, [](const Hit &h) { return h.mean_curvature; });
+    result["shape"] = column<std::uint32_t, 1>(hits, [](const Hit &h) { return h.shape; });
+    result["primitive"] = column<std::uint32_t, 1>(hits, [](const Hit &h) { return h.primitive; });
+    result["material"] = column<std::int32_t, 1>(hits, [](const Hit &h) { return h.material; });
+    result["emitter"] = column<std::int32_t, 1>(hits, [](const Hit &h) { return h.emitter; });
+    return result;
+}
+
+nb::object leave_many(const RenderableScene &self, const Rows<3> &origins, const Rows<3> &directions,
+                      const Rows<3> &onward) {
+    require_one_or(onward.shape(0), directions.shape(0), "onward");
+    const auto hits = closest_hits(*self.scene, origins, directions);
+    return tabulate<3>(hits.size(), [&](std::size_t i) {
+        return hits[i] ? leave(*hits[i], triple(onward, i)) : Vec3f(std::numeric_limits<float>::quiet_NaN());
+    });
+}
+
+} // namespace
+
+void bind_scene_statistics(nb::module_ &m) {
+    m.def("emitter_sample_many", &emitter_sample_many, "scene"_a, "point"_a, "u"_a, "emitter"_a = nb::none(),
+          "Samples a light, or all of them picked by power, towards a point (3,) with u (N, 3) = which part, "
+          "u.x, u.y: a dict of arrays wi (N, 3), radiance (N, 3), distance, pdf (0: no sample), delta and "
+          "visible (N,).");
+    m.def("emitter_eval_many", &emitter_eval_many, "scene"_a, "point"_a, "wi"_a, "emitter"_a = nb::none(),
+          "Traces rays from a point along wi (N, 3): radiance (N, 3) and density (N,) of a light, or of all, "
+          "in "
+          "these directions.");
+    m.def("emitter_powers", &emitter_powers, "scene"_a, "radius"_a,
+          "Power (N,) of every light, were the scene's bounding sphere of this radius.");
+    m.def("filter_sample_many", &filter_sample_many, "description"_a, "u"_a,
+          "Samples a pixel filter with u (N, 2): offsets (N, 2) in pixels and weights (N,).");
+    m.def(
+        "shape_sample_many", &shape_sample_many, "scene"_a, "shape"_a, "u"_a,
+        "Samples points of a shape that is a light with u (N, 3): a dict of arrays position, normal (N, 3), "
+        "barycentric (N, 2), position_error, area_pdf and primitive (N,).");
+    m.def("hit_many", &hit_many, "scene"_a, "origins"_a, "directions"_a,
+          "The closest hits of rays (1 or N, 3), (N, 3): a dict of arrays of the fields of a hit, and valid "
+          "(N,).");
+    m.def(
+        "leave_many", &leave_many, "scene"_a, "origins"_a, "directions"_a, "onward"_a,
+        "Where rays (N, 3) that leave the closest hits in directions `onward` (1 or N, 3) start; NaN without "
+        "a hit.");
+}
+
+} // namespace lajolla
