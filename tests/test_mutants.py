@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from emitter_tools import STUDIED
 from scatter_tools import Bsdf, check_reciprocity, direction, make_bsdf, seen_from
 from statistics_tools import (
     Draws,
     Rejected,
+    Sampled,
     check_consistency,
     check_density,
     check_energy,
@@ -193,3 +195,67 @@ def test_mutants_are_rejected(mutate: Callable[[Bsdf], Bsdf], description: dict)
 )
 def test_the_originals_are_not(description: dict) -> None:
     judge(make_bsdf(description))
+
+
+Mutant = Callable[[Sampled], Sampled]
+
+
+def of_light(
+    draws: Callable[[Draws], Draws] = lambda d: d,
+    evaluation: Callable[[np.ndarray, Evaluation], Evaluation] = lambda wi, e: e,
+    numbers: Callable[[np.ndarray], np.ndarray] = lambda u: u,
+) -> Mutant:
+    """Lights with their samples, their evaluations or their random numbers changed."""
+    return lambda light: replace(
+        light,
+        sample=lambda u: draws(light.sample(numbers(u))),
+        evaluate=lambda wi: evaluation(wi, light.evaluate(wi)),
+    )
+
+
+LIGHT_MUTANTS: dict[str, Mutant] = {
+    "density 5 % too large everywhere": of_light(
+        lambda d: replace(d, pdf=d.pdf * 1.05, weight=d.weight / 1.05), lambda wi, e: (e[0], e[1] * 1.05)
+    ),
+    "radiance 2 % too large in samples": of_light(lambda d: replace(d, weight=d.weight * 1.02)),
+    "density of hits 2 % too large": of_light(evaluation=lambda wi, e: (e[0], e[1] * 1.02)),
+    "numbers that fall short": of_light(numbers=lambda u: u ** np.float32(1.1)),
+    "a part that is never sampled": of_light(numbers=lambda u: np.concatenate([u[:, :1], u[:, 1:] * 0.9], 1)),
+    "directions to the other side": of_light(lambda d: replace(d, points=-d.points)),
+    "an area taken for a solid angle": of_light(
+        lambda d: replace(d, pdf=d.pdf * (1 + d.points[:, 0])),
+        lambda wi, e: (e[0], e[1] * (1 + wi[:, 0])),
+    ),
+}
+LIGHTS = {
+    lit.name: lit.seen_from(lit.points[0])
+    for lit in STUDIED
+    if lit.name in ("area on rectangle", "area on mesh", "area on sphere", "envmap random", "constant")
+}
+
+
+def judge_light(light: Sampled) -> None:
+    s = study(light)
+    check_finite(s.draws, light.name)
+    check_consistency(s)
+    check_density(s)
+    check_energy(s, most=np.inf)
+
+
+@pytest.mark.parametrize(
+    "mutant, light",
+    [
+        (mutant, light)
+        for mutant in LIGHT_MUTANTS
+        for light in LIGHTS
+        if (mutant, light) != ("directions to the other side", "constant")  # which looks the same there
+    ],
+)
+def test_mutants_of_lights_are_rejected(mutant: str, light: str) -> None:
+    with pytest.raises(Rejected):
+        judge_light(LIGHT_MUTANTS[mutant](LIGHTS[light]))
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_the_original_lights_are_not(light: str) -> None:
+    judge_light(LIGHTS[light])
