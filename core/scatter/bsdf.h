@@ -50,7 +50,7 @@ constexpr float cos_theta(Vec3f w) { return w.z; }
 constexpr bool same_hemisphere(Vec3f a, Vec3f b) { return a.z * b.z > 0; }
 
 template <class Lobe>
-concept IsLobe = std::is_trivially_copyable_v<Lobe> && sizeof(Lobe) <= 96 &&
+concept IsLobe = std::is_trivially_destructible_v<Lobe> && sizeof(Lobe) <= 96 &&
                  requires(const Lobe &lobe, Vec3f w, float u, Vec2f uv) {
                      { lobe.eval(w, w) } -> std::same_as<BsdfEval>;
                      { lobe.sample(w, u, uv) } -> std::same_as<std::optional<BsdfSample>>;
