@@ -1,12 +1,19 @@
-"""README.md tells the truth: its commands parse, its Python compiles, its links lead somewhere."""
+"""README.md and docs/extending.md tell the truth: what they show runs, compiles, and is said."""
 
+import itertools
+import os
 import re
 import shlex
+import shutil
+import subprocess
+import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
-from lajolla.arguments import parse
+QUICK = {"render": ["--size", "24x16", "--spp", "1"]}  # appended: the last of equal options counts
+MISTAKES = {'type="roughconductor"': 'type="roughconducter"', '<ref id="glass"/>': '<ref id="glas"/>'}
 
 
 @pytest.fixture(scope="module")
@@ -14,28 +21,114 @@ def readme(repository: Path) -> str:
     return (repository / "README.md").read_text()
 
 
-def blocks(text: str, *languages: str) -> list[str]:
-    return [
-        code for language, code in re.findall(r"```(\w*)\n(.*?)```", text, re.DOTALL) if language in languages
-    ]
+@pytest.fixture(scope="module")
+def extending(repository: Path) -> str:
+    return (repository / "docs" / "extending.md").read_text()
 
 
-def test_commands_parse(readme: str) -> None:
-    lines = [line for block in blocks(readme, "sh", "console", "") for line in block.splitlines()]
-    commands = [shlex.split(line, comments=True) for line in lines if re.match(r"(\$ )?(\./)?lajolla ", line)]
-    assert commands, "README shows no command"
-    for words in commands:
-        arguments = words[2:] if words[0] == "$" else words[1:]
-        if arguments[0] != "test":  # the launcher's own
-            parse(arguments)
+@pytest.fixture
+def clone(repository: Path, tmp_path: Path) -> Path:
+    """A folder from which README's paths lead to the scenes, and where pictures may be left."""
+    (tmp_path / "scenes").symlink_to(repository / "scenes")
+    return tmp_path
 
 
-def test_python_compiles(readme: str) -> None:
-    for block in blocks(readme, "python"):
-        compile(block, "README.md", "exec")
+def blocks(text: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
 
 
-def test_links_lead_somewhere(readme: str, repository: Path) -> None:
-    targets = re.findall(r"\]\(([^)#\s]+)", readme) + re.findall(r'src="([^"]+)"', readme)
-    missing = [target for target in targets if "://" not in target and not (repository / target).exists()]
-    assert missing == []
+def commands(text: str) -> list[list[str]]:
+    """The words after ./lajolla of every command shown."""
+    lines = [line for block in blocks(text, "sh") for line in block.splitlines()]
+    words = [shlex.split(line, comments=True) for line in lines]
+    assert all(line[0] == "./lajolla" for line in words)
+    return [line[1:] for line in words]
+
+
+def test_commands_run(readme: str, clone: Path) -> None:
+    """In the order shown, in small: later ones use the pictures of earlier ones."""
+    own = [words for words in commands(readme) if words[0] != "test"]  # the launcher's, which runs this
+    assert own
+    for words in own:
+        quick = [] if "--help" in words else QUICK.get(words[0], [])
+        command = [sys.executable, "-m", "lajolla", *words, *quick]
+        result = subprocess.run(command, cwd=clone, capture_output=True, text=True, check=False)
+        assert result.returncode == 0, f"{words}: {result.stderr}"
+        outputs = [name for flag, name in itertools.pairwise(words) if flag in ("-o", "--diff")]
+        assert all((clone / name).is_file() for name in outputs)
+    assert (clone / "cornell-box.exr").is_file() and (clone / "cornell-box.png").is_file()
+
+
+def test_python_runs(readme: str, clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(clone)
+    examples = blocks(readme, "python")
+    assert examples
+    for example in examples:
+        exec(compile(example, "README.md", "exec"), {})
+    assert (clone / "small.exr").is_file() and (clone / "ball.png").is_file()
+
+
+def test_messages_are_what_the_reader_says(readme: str, repository: Path, clone: Path) -> None:
+    """README makes its mistakes in the Cornell box."""
+    scene = (repository / "scenes" / "cornell-box.xml").read_text()
+    said = []
+    for right, wrong in MISTAKES.items():
+        assert right in scene
+        (clone / "scene.xml").write_text(scene.replace(right, wrong))
+        command = [sys.executable, "-m", "lajolla", "check", "scene.xml"]
+        result = subprocess.run(command, cwd=clone, capture_output=True, text=True, check=False)
+        said.append(result.stdout + result.stderr)
+    shown = blocks(readme, "text")
+    assert len(shown) == len(MISTAKES)
+    for message in shown:
+        assert any(message in text for text in said), message
+
+
+LIST = re.compile(r"using Bsdf = std::variant<.*?>;\n", re.DOTALL)
+
+
+def test_the_bsdf_to_add_compiles(readme: str, extending: str, repository: Path, tmp_path: Path) -> None:
+    """With the two changes to the list that both documents show."""
+    model, include, members = blocks(extending, "cpp")
+    assert blocks(readme, "cpp") == [include, members]
+    header = (repository / "core" / "scatter" / "bsdfs.h").read_text()
+    listed = LIST.findall(header)[0]
+    assert members.replace("Minnaert, ", "").split() == listed.split()
+
+    (tmp_path / "scatter").mkdir()
+    (tmp_path / "scatter" / "minnaert.h").write_text(model)
+    source = tmp_path / "bsdfs.cpp"
+    source.write_text(include + header.replace("#pragma once", "").replace(listed, members))
+    warnings = ["-Wall", "-Wextra", "-Wconversion", "-Wno-psabi", "-Werror"]
+    folders = [f"-I{tmp_path}", f"-I{repository / 'core'}"]
+    command = [compiler(repository), "-std=c++20", "-fsyntax-only", *warnings, *folders, str(source)]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+
+
+def compiler(repository: Path) -> str:
+    """The one of the checkout's build, or $CXX, or c++."""
+    cache = repository / "build" / "release" / "CMakeCache.txt"
+    found = (
+        re.search(r"^CMAKE_CXX_COMPILER:\w+=(.+)$", cache.read_text(), re.MULTILINE)
+        if cache.is_file()
+        else None
+    )
+    path = found.group(1) if found else shutil.which(os.environ.get("CXX", "c++"))
+    if path is None:
+        pytest.skip("there is no C++ compiler")
+    return path
+
+
+@pytest.mark.parametrize("name", ["README.md", "CHANGELOG.md", "docs", "bench/README.md", "scenes/README.md"])
+def test_links_lead_somewhere(repository: Path, name: str) -> None:
+    start = repository / name
+    for page in sorted(start.glob("*.md")) if start.is_dir() else [start]:
+        text = page.read_text()
+        targets = re.findall(r"\]\(([^)#\s]+)", text) + re.findall(r'src="([^"]+)"', text)
+        missing = [t for t in targets if "://" not in t and not (page.parent / t).exists()]
+        assert missing == [], page.name
+
+
+def test_version_is_in_the_changelog(repository: Path) -> None:
+    assert f"## {version('lajolla')}\n" in (repository / "CHANGELOG.md").read_text()
