@@ -31,7 +31,8 @@ public:
             running += weights[i];
             cdf_[i + 1] = static_cast<float>(sum > 0 ? running / sum : static_cast<double>(i + 1) / count);
         }
-        // Rounding must not leave a gap below one; entries of probability zero at the end stay at one with it.
+        // Rounding must not leave a gap below one; entries of probability zero at the end stay at one with
+        // it.
         if (!weights.empty()) std::replace(cdf_.begin() + 1, cdf_.end(), float(cdf_.back()), 1.0f);
         std::uint32_t entry = 0;
         for (std::size_t k = 0; k < guide_.size(); ++k) {

@@ -33,12 +33,19 @@ inline U32x8 mix32(U32x8 x) {
     return x ^ (x >> 16);
 }
 
+// Odd multipliers that turn one hash into eight.
+inline constexpr U32x8 lane_multipliers{0x9e3779b1u, 0x85ebca77u, 0xc2b2ae3du, 0x27d4eb2fu,
+                                        0x165667b1u, 0x7feb352du, 0x846ca68bu, 0xd168aaadu};
+
 inline U32x8 reverse_bits(U32x8 x) {
+    using U8x32 [[gnu::vector_size(32)]] = std::uint8_t;
     x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
     x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
     x = ((x >> 4) & 0x0f0f0f0fu) | ((x & 0x0f0f0f0fu) << 4);
-    x = ((x >> 8) & 0x00ff00ffu) | ((x & 0x00ff00ffu) << 8);
-    return (x >> 16) | (x << 16);
+    const auto bytes = std::bit_cast<U8x32>(x);
+    return std::bit_cast<U32x8>(__builtin_shufflevector(bytes, bytes, 3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8,
+                                                        15, 14, 13, 12, 19, 18, 17, 16, 23, 22, 21, 20, 27,
+                                                        26, 25, 24, 31, 30, 29, 28));
 }
 
 constexpr std::uint32_t reverse_bits(std::uint32_t x) {
@@ -104,9 +111,7 @@ public:
         const auto u = block(0);
         return {{u[0], u[1]}, {u[2], u[3]}, u[4]};
     }
-    BounceSample bounce(std::uint32_t depth) const {
-        return std::bit_cast<BounceSample>(block(depth + 1));
-    }
+    BounceSample bounce(std::uint32_t depth) const { return std::bit_cast<BounceSample>(block(depth + 1)); }
 
 private:
     // Sobol': each pair of dimensions is a two-dimensional Owen-scrambled sequence of its own, its index
@@ -121,9 +126,10 @@ private:
                                         broadcast(std::uint32_t(hash >> 32))));
         }
         const std::uint64_t hash = mix64(pixel_ + number);
-        const U32x8 pair{0, 0, 2, 2, 4, 4, 6, 6}, lane{0, 1, 2, 3, 4, 5, 6, 7};
-        const U32x8 shuffle = mix32(broadcast(std::uint32_t(hash)) + pair * 0x9e3779b9u);
-        const U32x8 scramble = mix32(broadcast(std::uint32_t(hash >> 32)) + lane * 0x85ebca6bu);
+        const U32x8 scramble = broadcast(std::uint32_t(hash >> 32)) * lane_multipliers;
+        const U32x8 per_lane = broadcast(std::uint32_t(hash)) * lane_multipliers;
+        const U32x8 shuffle =
+            __builtin_shufflevector(per_lane, per_lane, 0, 0, 2, 2, 4, 4, 6, 6); // one a pair
         const U32x8 shuffled = reverse_bits(laine_karras(broadcast(index_), shuffle));
         return to_unit_floats(reverse_bits(laine_karras(pascal_odd_lanes(shuffled), scramble)));
     }

@@ -34,8 +34,8 @@ struct Triple {
     constexpr Triple() = default;
     constexpr explicit Triple(float v) : x(v), y(v), z(v) {}
     constexpr Triple(float x_, float y_, float z_) : x(x_), y(y_), z(z_) {}
-    // Written out, because a compiler may copy a trivial triple as eight bytes and four: reading eight bytes that were
-    // just stored as two floats stalls the processor, which cost a third of a Cornell box render.
+    // Written out, because a compiler may copy a trivial triple as eight bytes and four: reading eight bytes
+    // that were just stored as two floats stalls the processor, which cost a third of a Cornell box render.
     constexpr Triple(const Triple &o) : x(o.x), y(o.y), z(o.z) {}
     constexpr Triple &operator=(const Triple &o) {
         x = o.x, y = o.y, z = o.z;

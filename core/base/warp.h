@@ -5,7 +5,8 @@
 
 namespace lajolla {
 
-// Sine and cosine of |x| <= pi/4 to an ulp or two, by the polynomials of Cephes' sinf and cosf (Moshier 1992).
+// Sine and cosine of |x| <= pi/4 to an ulp or two, by the polynomials of Cephes' sinf and cosf (Moshier
+// 1992).
 struct SineCosine {
     float sine, cosine;
 };
@@ -13,7 +14,8 @@ constexpr SineCosine sine_cosine_of_octant(float x) {
     const float z = x * x;
     const float sine = x + x * z * (-1.6666654611e-1f + z * (8.3321608736e-3f - z * 1.9515295891e-4f));
     const float cosine =
-        1 - 0.5f * z + z * z * (4.166664568298827e-2f + z * (-1.388731625493765e-3f + z * 2.443315711809948e-5f));
+        1 - 0.5f * z +
+        z * z * (4.166664568298827e-2f + z * (-1.388731625493765e-3f + z * 2.443315711809948e-5f));
     return {sine, cosine};
 }
 

@@ -32,15 +32,17 @@ struct LobesOf<std::variant<Model...>> {
 // A prepared lobe of any model.
 using Lobe = detail::LobesOf<Bsdf>::type;
 
-// These three are flattened, and take directions by reference: passing three floats by value through a call that is not
-// inlined costs a store-forwarding stall each.
-template <class Read> [[gnu::flatten]] Lobe prepare(const Bsdf &bsdf, const Read &read) {
+// These three are flattened, and take directions by reference: passing three floats by value through a call
+// that is not inlined costs a store-forwarding stall each.
+template <class Read>
+[[gnu::flatten]] Lobe prepare(const Bsdf &bsdf, const Read &read) {
     return match(bsdf, [&](const auto &model) -> Lobe { return model.prepare(read); });
 }
 [[gnu::flatten]] inline BsdfEval eval(const Lobe &lobe, const Vec3f &wo, const Vec3f &wi) {
     return match(lobe, [&](const auto &l) { return l.eval(wo, wi); });
 }
-[[gnu::flatten]] inline std::optional<BsdfSample> sample(const Lobe &lobe, const Vec3f &wo, float u_lobe, const Vec2f &u) {
+[[gnu::flatten]] inline std::optional<BsdfSample> sample(const Lobe &lobe, const Vec3f &wo, float u_lobe,
+                                                         const Vec2f &u) {
     return match(lobe, [&](const auto &l) { return l.sample(wo, u_lobe, u); });
 }
 inline bool is_delta(const Bsdf &bsdf) {

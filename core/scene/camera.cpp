@@ -45,7 +45,7 @@ void Perspective::build(float aspect, float width) {
 CameraRay Perspective::leave(Vec3f origin, Vec3f direction) const {
     // `direction` has z = 1, so that the clipping distances are along z. Cones are in units of a unit-length
     // ray.
-    return {world_ray(to_world, origin, direction, near_clip, far_clip), {0, pixel / length(direction)}};
+    return {world_ray(to_world, origin, direction, near_clip, far_clip), {0, pixel / length(direction)}, 0};
 }
 
 CameraRay Perspective::generate(Vec2f film, Vec2f) const { return leave(Vec3f(0), through(film)); }
@@ -65,7 +65,7 @@ void Orthographic::build(float aspect, float width) {
 
 CameraRay Orthographic::generate(Vec2f film, Vec2f) const {
     const Vec3f origin{1 - 2 * film.x, (1 - 2 * film.y) / aspect_, 0};
-    return {world_ray(to_world, origin, {0, 0, 1}, near_clip, far_clip), {pixel_, 0}};
+    return {world_ray(to_world, origin, {0, 0, 1}, near_clip, far_clip), {pixel_, 0}, 0};
 }
 
 } // namespace lajolla

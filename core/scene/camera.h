@@ -19,6 +19,7 @@ constexpr auto choices(FovAxis) { return std::array{"x", "y", "diagonal", "small
 struct CameraRay {
     Ray ray;
     RayCone cone;
+    float flight = 0; // a uniform number: what happens on the way to the first vertex
 };
 
 struct Perspective {

@@ -52,7 +52,8 @@ float decode(std::uint8_t value, const float *table) { return table[value]; }
 float decode(Image::Half value, const float *) { return static_cast<float>(value); }
 float decode(float value, const float *) { return value; }
 
-template <class Texel> Spectrum fetch(const Texel *texel, std::uint32_t channels, const float *table) {
+template <class Texel>
+Spectrum fetch(const Texel *texel, std::uint32_t channels, const float *table) {
     if (channels == 1) return Spectrum(decode(texel[0], table));
     return {decode(texel[0], table), decode(texel[1], table), decode(texel[2], table)};
 }
@@ -74,7 +75,8 @@ Spectrum nearest(const Image &image, Vec2f position, WrapMode mode) {
 Spectrum bilinear(const Image &image, Vec2f position, WrapMode wrap_x, WrapMode wrap_y) {
     const float x = bounded(position.x - 0.5f), y = bounded(position.y - 0.5f);
     const float floor_x = std::floor(x), floor_y = std::floor(y), dx = x - floor_x, dy = y - floor_y;
-    const auto width = static_cast<std::int32_t>(image.width), height = static_cast<std::int32_t>(image.height);
+    const auto width = static_cast<std::int32_t>(image.width),
+               height = static_cast<std::int32_t>(image.height);
     const auto i = static_cast<std::int32_t>(floor_x), j = static_cast<std::int32_t>(floor_y);
     const std::int32_t i0 = wrap(i, width, wrap_x), i1 = wrap(i + 1, width, wrap_x);
     const std::int32_t j0 = wrap(j, height, wrap_y), j1 = wrap(j + 1, height, wrap_y);
@@ -90,14 +92,15 @@ Spectrum bilinear(const Image &image, Vec2f position, WrapMode wrap_x, WrapMode 
     });
 }
 
-
 std::size_t Image::bytes() const {
     return match(texels, [](const auto &values) { return values.size() * sizeof(values[0]); });
 }
 
 Spectrum Image::texel(std::uint32_t x, std::uint32_t y) const {
     const std::size_t first = (static_cast<std::size_t>(y) * width + x) * channels;
-    return match(texels, [&](const auto &values) { return fetch(values.data() + first, channels, byte_decoding(srgb)); });
+    return match(texels, [&](const auto &values) {
+        return fetch(values.data() + first, channels, byte_decoding(srgb));
+    });
 }
 
 Image downsample(const Image &image) {

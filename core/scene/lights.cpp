@@ -25,7 +25,8 @@ std::optional<SphereCone> cone_towards(const Sphere &sphere, const Vec3f &p) {
 
 SurfaceSample sample_cone_of(const Sphere &sphere, const SphereCone &cone, Vec2f u) {
     const Vec3f local = sample_cone(u, cone.height);
-    // The near intersection by its angle seen from the sphere's centre (Pharr, Jakob and Humphreys, 4th ed., 6.2.4).
+    // The near intersection by its angle seen from the sphere's centre (Pharr, Jakob and Humphreys, 4th
+    // ed., 6.2.4).
     const float sin_squared = sqr(local.x) + sqr(local.y);
     const float along =
         cone.distance * local.z - safe_sqrt(sqr(sphere.radius) - sqr(cone.distance) * sin_squared);
@@ -34,7 +35,8 @@ SurfaceSample sample_cone_of(const Sphere &sphere, const SphereCone &cone, Vec2f
     const float sin_alpha = safe_sqrt(1 - sqr(cos_alpha));
     const float scale = sin_squared > 0 ? sin_alpha / std::sqrt(sin_squared) : 0;
     const Frame frame = frame_around(-cone.axis);
-    return sphere.at(normalize(frame.to_world({scale * local.x, scale * local.y, std::min(cos_alpha, 1.0f)})));
+    return sphere.at(
+        normalize(frame.to_world({scale * local.x, scale * local.y, std::min(cos_alpha, 1.0f)})));
 }
 
 DirectSample towards(const Vec3f &p, const SurfaceSample &point) {
@@ -73,7 +75,8 @@ DirectSample AreaLight::sample_direct(const Vec3f &p, float u_primitive, Vec2f u
     const float cosine = -dot(sample.wi, point.normal);
     if (!(cosine > 0)) return {}; // seen from behind
     sample.pdf = cone ? cone_pdf(cone->height) : point.area_pdf * sqr(sample.distance) / cosine;
-    sample.radiance = radiance.is_constant() ? radiance.constant : textured_radiance(p, sample, point, textures);
+    sample.radiance =
+        radiance.is_constant() ? radiance.constant : textured_radiance(p, sample, point, textures);
     return sample;
 }
 
@@ -95,7 +98,8 @@ float AreaLight::pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const 
 
 // Environment map
 
-// The image's first and last rows lie on the poles, as in Mitsuba 3; columns are centred in their share of the turn.
+// The image's first and last rows lie on the poles, as in Mitsuba 3; columns are centred in their share of
+// the turn.
 
 void EnvironmentMap::build() {
     if (!image || image->width == 0 || image->height == 0)
@@ -146,7 +150,7 @@ Spectrum EnvironmentMap::look_up(Vec2f square) const {
 Spectrum EnvironmentMap::emitted(const Vec3f &direction) const { return look_up(to_square(direction)); }
 
 DirectSample EnvironmentMap::sample_direct(const Vec3f &, float, Vec2f u,
-                                                          std::span<const TextureModel>) const {
+                                           std::span<const TextureModel>) const {
     const auto [square, density] = distribution_.sample(u);
     const float theta = pi * square.y, sin_theta = std::sin(theta);
     const float phi = 2 * pi * (square.x + 0.5f / static_cast<float>(image->width));
@@ -164,8 +168,7 @@ float EnvironmentMap::pdf_direction(const Vec3f &wi) const {
 
 // Point, directional, spot
 
-DirectSample PointLight::sample_direct(const Vec3f &p, float, Vec2f,
-                                                      std::span<const TextureModel>) const {
+DirectSample PointLight::sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel>) const {
     const Vec3f to_light = position - p;
     const float squared = length_squared(to_light), distance = std::sqrt(squared);
     if (!(squared > 0)) return {};
@@ -201,8 +204,7 @@ float SpotLight::power(std::span<const TextureModel>, const BoundingSphere &) co
     return 2 * pi * luminance(intensity) * sum * last / steps;
 }
 
-DirectSample SpotLight::sample_direct(const Vec3f &p, float, Vec2f,
-                                                     std::span<const TextureModel>) const {
+DirectSample SpotLight::sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel>) const {
     const Vec3f to_light = to_world.origin() - p;
     const float squared = length_squared(to_light), distance = std::sqrt(squared);
     if (!(squared > 0)) return {};
@@ -221,6 +223,7 @@ LightPicker::LightPicker(std::span<const Light> lights, std::span<const TextureM
     for (std::uint32_t i = 0; i < lights.size(); ++i)
         match(lights[i], [&](const auto &light) {
             powers.push_back(light.power(textures, scene));
+            has_delta_lights_ |= IsDeltaLight<std::decay_t<decltype(light)>>;
             if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) {
                 if (environment_ >= 0)
                     throw std::invalid_argument("a scene has one environment emitter at most");

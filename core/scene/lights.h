@@ -25,12 +25,12 @@ struct BoundingSphere {
 
 // A direction towards a light; none where pdf is zero.
 struct DirectSample {
-    Vec3f wi{0};                 // unit length
-    float distance = 0;          // infinity for lights around the scene
-    Vec3f target{0};             // where the light is, moved off its surface; meaningless at infinite distance
-    Spectrum radiance{0};        // for lights without area: radiant intensity over squared distance, or irradiance
-    float pdf = 0;               // per solid angle; 1 for lights that no ray can hit
-    bool delta = false;          // no ray can hit the light, only sampling finds it
+    Vec3f wi{0};          // unit length
+    float distance = 0;   // infinity for lights around the scene
+    Vec3f target{0};      // where the light is, moved off its surface; meaningless at infinite distance
+    Spectrum radiance{0}; // for lights without area: radiant intensity over squared distance, or irradiance
+    float pdf = 0;        // per solid angle; 1 for lights that no ray can hit
+    bool delta = false;   // no ray can hit the light, only sampling finds it
 };
 
 struct AreaLight {
@@ -46,7 +46,7 @@ struct AreaLight {
     }
     float power(std::span<const TextureModel> textures, const BoundingSphere &) const;
     DirectSample sample_direct(const Vec3f &p, float u_primitive, Vec2f u,
-                                              std::span<const TextureModel> textures) const;
+                               std::span<const TextureModel> textures) const;
     float pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const; // of sampling this hit from p
     Spectrum emitted(const Hit &hit, const Vec3f &wo, std::span<const TextureModel> textures) const {
         if (dot(hit.normal, wo) <= 0) return Spectrum(0);
@@ -180,6 +180,11 @@ using Light = std::variant<AreaLight, ConstantLight, EnvironmentMap, PointLight,
 template <class T>
 concept IsEnvironment = requires(const T &light, Vec3f w) { light.pdf_direction(w); };
 
+// Lights that have no area and no extent in solid angle.
+template <class T>
+concept IsDeltaLight =
+    std::is_same_v<T, PointLight> || std::is_same_v<T, DirectionalLight> || std::is_same_v<T, SpotLight>;
+
 // All lights of a scene, picked by power.
 class LightPicker {
 public:
@@ -188,6 +193,8 @@ public:
                 const BoundingSphere &scene);
 
     bool empty() const { return lights_.empty(); }
+    // Whether some light can be found by sampling it alone.
+    bool has_delta_lights() const { return has_delta_lights_; }
     // `u_pick` also chooses within a light; densities include the pick.
     DirectSample sample_direct(const Vec3f &p, float u_pick, Vec2f u) const;
     // Density of sampling a hit on a light, or a direction that leaves the scene, from p.
@@ -201,6 +208,7 @@ private:
     std::span<const Light> lights_;
     std::span<const TextureModel> textures_;
     std::int32_t environment_ = -1;
+    bool has_delta_lights_ = false;
     Distribution powers_;
 };
 

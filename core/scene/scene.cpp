@@ -27,7 +27,8 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
         if (const auto *area = std::get_if<AreaLight>(&light); area && !area->shape)
             throw std::invalid_argument("an area emitter needs a shape");
 
-    for (const Bsdf &bsdf : parts_.bsdfs) bsdf_traits_.push_back({is_transmissive(bsdf), is_isotropic(bsdf), is_delta(bsdf)});
+    for (const Bsdf &bsdf : parts_.bsdfs)
+        bsdf_traits_.push_back({is_transmissive(bsdf), is_isotropic(bsdf), is_delta(bsdf)});
     for (const TextureModel &texture : parts_.textures)
         if (const auto *bitmap = std::get_if<Bitmap>(&texture)) reads_footprints_ |= !bitmap->levels.empty();
     for (const Material &material : parts_.materials)
@@ -66,12 +67,17 @@ Surface Scene::surface(const Hit &hit, const Vec3f &wo) const {
     if (side < 0) return {true, {}, {}, {}, {}};
     const Vec3f n = turned ? -hit.shading_normal : hit.shading_normal;
     const Frame frame = traits(side).isotropic ? frame_around(n) : frame_along(n, hit.dp_du);
-    return {false, traits(side).delta, frame, frame.to_local(wo),
-            prepare(parts_.bsdfs[static_cast<std::size_t>(side)], reader(hit))};
+    Surface surface{false, traits(side).delta, frame, frame.to_local(wo),
+                    prepare(parts_.bsdfs[static_cast<std::size_t>(side)], reader(hit))};
+    // Scenes write alpha = 0.0001 for a mirror. Such a lobe is narrower than any light that has an area, so
+    // that samples of lights would only cost time; lights without area need them still.
+    constexpr float sharpest_alpha = 5e-4f;
+    surface.sharp |= !picker_.has_delta_lights() && roughness(surface.lobe) < sharpest_alpha;
+    return surface;
 }
 
 float Scene::passage(const Hit &hit) const {
-    if (!has_passages_ || hit.material < 0) return 0;
+    if (hit.material < 0) return 0;
     const Material &material = parts_.materials[static_cast<std::size_t>(hit.material)];
     if (material.front >= 0 &&
         std::holds_alternative<Null>(parts_.bsdfs[static_cast<std::size_t>(material.front)]))

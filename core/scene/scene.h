@@ -43,7 +43,7 @@ struct SceneParts {
 // A surface point made ready to scatter: the lobe and the frame it lives in.
 struct Surface {
     bool black; // nothing is scattered: the rest is meaningless
-    bool delta; // only sampling the lobe finds where it scatters
+    bool sharp; // sampling lights is of no use: only sampling the lobe finds where it scatters
     Frame frame;
     Vec3f wo; // local
     Lobe lobe;

@@ -63,10 +63,12 @@ void TriangleMesh::prepare_sampling() {
         const Vec3f a = mesh->positions[t[0]], b = mesh->positions[t[1]], c = mesh->positions[t[2]];
         const Vec3f scaled_normal = cross(b - a, c - a);
         const float area = length(scaled_normal) / 2;
-        const Vec3f shading = has_normals() ? mesh->normals[t[0]] + mesh->normals[t[1]] + mesh->normals[t[2]] : scaled_normal;
+        const Vec3f shading =
+            has_normals() ? mesh->normals[t[0]] + mesh->normals[t[1]] + mesh->normals[t[2]] : scaled_normal;
         const bool turned = (dot(scaled_normal, shading) < 0) != flip_normals;
         const Vec3f normal = area > 0 ? scaled_normal / (turned ? -2 * area : 2 * area) : Vec3f(0);
-        light_triangles.push_back({a, b - a, c - a, normal, position_error(std::max({largest(a), largest(b), largest(c)}))});
+        light_triangles.push_back(
+            {a, b - a, c - a, normal, position_error(std::max({largest(a), largest(b), largest(c)}))});
         weights.push_back(area);
     }
     areas = Distribution(weights);
@@ -126,7 +128,13 @@ SurfaceSample TriangleMesh::sample(float u_triangle, Vec2f u) const {
     const std::uint32_t index = areas.sample(u_triangle).index;
     const LightTriangle &t = light_triangles[index];
     const Vec2f b = sample_triangle(u);
-    return {t.corner + t.edge1 * b.x + t.edge2 * b.y, t.normal, t.position_error, 1 / areas.sum(), index, b.x, b.y};
+    return {t.corner + t.edge1 * b.x + t.edge2 * b.y,
+            t.normal,
+            t.position_error,
+            1 / areas.sum(),
+            index,
+            b.x,
+            b.y};
 }
 
 // Sphere
@@ -161,8 +169,8 @@ void Sphere::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
     hit.position = point.position;
     hit.position_error = point.position_error;
     hit.normal = hit.shading_normal = point.normal;
-    // uv = (phi / 2 pi, theta / pi) in spherical coordinates around the third axis; atan2 keeps its precision at
-    // the poles, where acos loses half the digits
+    // uv = (phi / 2 pi, theta / pi) in spherical coordinates around the third axis; atan2 keeps its precision
+    // at the poles, where acos loses half the digits
     const Vec3f local = axes.to_local(outward);
     const float r = std::sqrt(local.x * local.x + local.y * local.y);
     const float cos_phi = r > 0 ? local.x / r : 1, sin_phi = r > 0 ? local.y / r : 0;

@@ -33,7 +33,7 @@ struct Path {
     }
 
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                      CameraRay from_camera) const;
+                      const CameraRay &camera) const;
 
 private:
     // Where a ray came from: what the weight of a light that it hits depends on.
@@ -74,7 +74,7 @@ inline float Path::weight_of_light(const DirectSample &light, float bsdf_pdf) co
 
 inline Spectrum Path::direct(const Scene &scene, Tracer &tracer, const Hit &hit, const Surface &surface,
                              const BounceSample &u) const {
-    if (surface.delta || scene.lights().empty()) return Spectrum(0);
+    if (surface.sharp || scene.lights().empty()) return Spectrum(0);
     const DirectSample light = scene.lights().sample_direct(hit.position, u.light, u.light_uv);
     if (light.pdf == 0) return Spectrum(0);
     const BsdfEval bsdf = eval(surface.lobe, surface.wo, surface.frame.to_local(light.wi));
@@ -85,13 +85,14 @@ inline Spectrum Path::direct(const Scene &scene, Tracer &tracer, const Hit &hit,
 }
 
 inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                               CameraRay from_camera) const {
-    auto [ray, cone] = from_camera;
+                               const CameraRay &camera) const {
+    Ray ray = camera.ray;
+    RayCone cone = camera.cone;
     Spectrum radiance(0), throughput(1);
     Departure from{ray.origin, 1, true};
-    float eta = 1;                          // of the medium the ray is in, relative to the camera's
-    float flight = sampler.camera().flight; // decides what happens between two vertices
-    int passages = 0;                       // surfaces that the path went straight through
+    float eta = 1;                // of the medium the ray is in, relative to the camera's
+    float flight = camera.flight; // decides what happens between two vertices
+    int passages = 0;             // surfaces that the path went straight through
 
     for (int depth = 1; depth <= max_depth || max_depth < 0;) {
         // Drawn before the ray is traced: the processor computes both at once.
@@ -99,19 +100,20 @@ inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler
         const auto found = tracer.closest(ray);
         if (!found) {
             if (depth > 1 || !hide_emitters)
-                radiance += throughput * scene.lights().environment(ray.direction) *
-                            weight_of_hit(from, from.delta ? 0 : scene.lights().pdf_environment(ray.direction));
+                radiance +=
+                    throughput * scene.lights().environment(ray.direction) *
+                    weight_of_hit(from, from.delta ? 0 : scene.lights().pdf_environment(ray.direction));
             break;
         }
         const Hit hit = scene.hit(ray, *found, cone);
         const Vec3f wo = -ray.direction;
         const bool hidden = hide_emitters && depth == 1 && hit.emitter >= 0;
         if (hit.emitter >= 0 && !hidden)
-            radiance +=
-                throughput * scene.lights().emitted(hit, wo) *
-                weight_of_hit(from, from.delta ? 0 : scene.lights().pdf_hit(from.position, hit, ray.direction));
+            radiance += throughput * scene.lights().emitted(hit, wo) *
+                        weight_of_hit(
+                            from, from.delta ? 0 : scene.lights().pdf_hit(from.position, hit, ray.direction));
 
-        if (hidden || passes(scene.passage(hit), flight)) {
+        if (hidden || (scene.has_passages() && passes(scene.passage(hit), flight))) {
             if (++passages > max_passages) break;
             ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
             cone = hit.footprint;
@@ -130,7 +132,7 @@ inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler
         eta *= scattered->eta;
         from.position = hit.position;
         from.pdf = scattered->pdf;
-        from.delta = scattered->is_delta();
+        from.delta = surface.sharp || scattered->is_delta();
         ray.direction = surface.frame.to_world(scattered->wi);
         ray.origin = leave(hit, ray.direction);
         ray.near = 0;

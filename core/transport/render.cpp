@@ -68,7 +68,9 @@ Spectrum take_sample(const Scene &scene, const Model &integrator, const Sampler 
     const Vec2f position{(static_cast<float>(id.x) + 0.5f + offset.offset.x) / static_cast<float>(film.width),
                          (static_cast<float>(id.y) + 0.5f + offset.offset.y) /
                              static_cast<float>(film.height)};
-    return integrator.radiance(scene, tracer, sampler, scene.camera_ray(position, u.lens)) * offset.weight;
+    CameraRay camera = scene.camera_ray(position, u.lens);
+    camera.flight = u.flight;
+    return integrator.radiance(scene, tracer, sampler, camera) * offset.weight;
 }
 
 // Renders one tile; false where the job was cancelled meanwhile.
