@@ -147,7 +147,7 @@ def check_mean(name: str, batches: np.ndarray, expected: float, slack: float = R
     """A t-test of independent means against a number, which rounding may blur by the fraction `slack`."""
     margin = t_margin(batches.std(ddof=1), len(batches) - 1, 1 / len(batches)) + slack * abs(expected)
     require(
-        abs(batches.mean() - expected) < margin,
+        abs(batches.mean() - expected) <= margin,
         f"{name}: the mean is {batches.mean():.6f}, expected {expected:.6f} (margin {margin:.1e})",
     )
 
@@ -159,7 +159,7 @@ def check_same_mean(name: str, a: np.ndarray, b: np.ndarray, slack: float = ROUN
     freedom = total**2 / max(variance_a**2 / (len(a) - 1) + variance_b**2 / (len(b) - 1), 1e-300)
     margin = t_margin(np.sqrt(total), max(freedom, 1), 1) + slack * abs(a.mean())
     require(
-        abs(a.mean() - b.mean()) < margin,
+        abs(a.mean() - b.mean()) <= margin,
         f"{name}: the means are {a.mean():.6f} and {b.mean():.6f} (margin {margin:.1e})",
     )
 

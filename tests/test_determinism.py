@@ -1,0 +1,157 @@
+"""The image is a function of scene, seed and sample range alone, bit for bit; infinite samples are told."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from scene_tools import Settings, make_scene, scaling, translation
+from statistics_tools import SEED
+
+from lajolla import _core
+
+SIZE = (40, 24)
+
+
+def room(sampler: str = "sobol", **film: int) -> _core.Scene:
+    """Several lights and materials, an aperture, and a filter with negative lobes."""
+    return make_scene(
+        shapes=[
+            {"type": "rectangle", "to_world": translation(0, 0, 6) @ scaling(5), "material": 0},
+            {"type": "sphere", "center": [0.5, 0, 4], "material": 1},
+            {"type": "sphere", "center": [-1.5, 1, 4], "radius": 0.5, "material": 2},
+            {"type": "sphere", "center": [0, 2, 3], "radius": 0.4, "emitter": 0},
+        ],
+        emitters=[{"type": "area", "radiance": [9, 5, 2]}, {"type": "constant", "radiance": 0.2}],
+        bsdfs=[
+            {"type": "diffuse"},
+            {"type": "dielectric"},
+            {"type": "roughconductor", "alpha_u": 0.2, "alpha_v": 0.2},
+        ],
+        materials=[{"front": 0, "back": 0, "opacity": 0.8}, {"front": 1}, {"front": 2}],
+        sensor={"type": "thinlens", "fov": 50, "aperture_radius": 0.05, "focus_distance": 4},
+        size=SIZE,
+        film=film,
+        rfilter={"type": "mitchell"},
+        sampler=sampler,
+    )
+
+
+def image_of(
+    scene: _core.Scene, ranges: tuple[tuple[int, int], ...] = ((0, 16),), seed: int = SEED, threads: int = 2
+) -> np.ndarray:
+    """The mean of ranges of samples (first, count)."""
+    render = _core.Render(scene, seed)
+    for first, count in ranges:
+        assert render.add(first, count, threads)
+    assert render.samples == sum(count for _, count in ranges)
+    return render.image()
+
+
+each_sampler = pytest.mark.parametrize("sampler", list(_core.schema()["sampler"]))
+
+
+@each_sampler
+def test_threads_and_passes_do_not_matter(sampler: str) -> None:
+    scene = room(sampler)
+    image = image_of(scene)
+    assert np.isfinite(image).all() and image.std() > 0
+    np.testing.assert_array_equal(image, image_of(scene, threads=1))
+    np.testing.assert_array_equal(image, image_of(room(sampler)))
+    np.testing.assert_array_equal(image, image_of(scene, ((0, 4), (4, 4), (8, 4), (12, 4))))
+    np.testing.assert_array_equal(image, image_of(scene, ((0, 1), (1, 10), (11, 5)), threads=1))
+
+
+@each_sampler
+def test_a_crop_window_shows_the_same_pixels(sampler: str) -> None:
+    full = image_of(room(sampler))
+    x, y, width, height = 5, 3, 19, 17
+    window = room(sampler, crop_offset_x=x, crop_offset_y=y, crop_width=width, crop_height=height)
+    assert (window.width, window.height, window.crop_offset) == (width, height, (x, y))
+    np.testing.assert_array_equal(image_of(window), full[y : y + height, x : x + width])
+
+
+@each_sampler
+def test_seeds_and_ranges_differ(sampler: str) -> None:
+    scene = room(sampler)
+    image = image_of(scene)
+    for other in (image_of(scene, seed=SEED + 1), image_of(scene, ((16, 16),))):
+        assert (image != other).any(axis=2).mean() > 0.9
+
+
+def test_the_seed_of_the_scene_is_the_default() -> None:
+    render = _core.Render(room())
+    assert render.add(0, 2, 2)
+    np.testing.assert_array_equal(render.image(), image_of(room(), ((0, 2),), seed=room().seed))
+
+
+def test_cancelling_leaves_the_picture_as_it_was() -> None:
+    render = _core.Render(room(), SEED)
+    assert render.add(0, 2, 2)
+    before, rays = render.image(), render.rays
+    finished: list[bool] = []
+    worker = threading.Thread(target=lambda: finished.append(render.add(2, 1 << 14, 2)))
+    worker.start()
+    time.sleep(0.05)
+    render.cancel()
+    worker.join(timeout=60)
+    assert finished == [False]
+    assert (render.samples, render.rays, render.nonfinite) == (2, rays, 0)
+    np.testing.assert_array_equal(render.image(), before)
+
+
+def overflowing() -> _core.Scene:
+    """A sheet that shines before a wall that shines: where both are seen, more than a float holds."""
+    bright = {"type": "area", "radiance": [2.5e38, 1, 0]}
+    sheet: Settings = {"type": "rectangle", "flip_normals": True, "emitter": 0, "material": 0}
+    wall: Settings = {"type": "rectangle", "flip_normals": True, "emitter": 1, "material": 1}
+    return make_scene(
+        shapes=[
+            {**sheet, "to_world": translation(0, 0, 2) @ scaling(0.5)},
+            {**wall, "to_world": translation(0, 0, 3) @ scaling(9)},
+        ],
+        emitters=[bright, bright],
+        materials=[{"front": 0, "opacity": 0.3}, {"front": 0}],
+        max_depth=1,
+        size=SIZE,
+        film={"crop_offset_x": 3, "crop_width": 30},
+    )
+
+
+def test_infinite_samples_are_counted_told_and_replayed() -> None:
+    scene, count = overflowing(), 8
+    render = _core.Render(scene, SEED)
+    assert render.add(0, count, 2)
+    values = replay(scene, count)
+    infinite = ~np.isfinite(values).all(axis=3)
+    assert 0 < infinite.sum() < infinite.size
+    assert render.nonfinite == infinite.sum()
+    left, top = scene.crop_offset
+    told = render.nonfinite_list
+    assert 0 < len(told) <= render.nonfinite and len(set(told)) == len(told)
+    assert all(infinite[y - top, x - left, sample] for x, y, sample in told)
+    assert np.isfinite(render.image()).all()
+    mean = np.where(infinite[..., None], 0, values).astype(float).sum(axis=2) / count
+    np.testing.assert_array_equal(render.image(), mean.astype(np.float32))
+
+
+def replay(scene: _core.Scene, count: int) -> np.ndarray:
+    """The first samples of all pixels one by one, (H, W, count, 3)."""
+    left, top = scene.crop_offset
+    values = [
+        [
+            [_core.sample_radiance(scene, SEED, left + x, top + y, i) for i in range(count)]
+            for x in range(scene.width)
+        ]
+        for y in range(scene.height)
+    ]
+    return np.array(values, np.float32)
+
+
+@each_sampler
+def test_a_picture_is_the_mean_of_its_samples(sampler: str) -> None:
+    scene = room(sampler, crop_offset_x=4, crop_offset_y=2, crop_width=12, crop_height=9)
+    mean = replay(scene, 4).astype(float).sum(axis=2) / 4
+    np.testing.assert_array_equal(image_of(scene, ((0, 4),)), mean.astype(np.float32))
