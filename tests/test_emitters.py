@@ -15,7 +15,7 @@ from emitter_tools import (
     point_lights,
     seen_from,
 )
-from scene_tools import make_scene, scaling, translation
+from scene_tools import Settings, make_scene, scaling, translation, uv_sphere
 from statistics_tools import (
     TESTS,
     Study,
@@ -35,24 +35,27 @@ from lajolla import _core
 
 LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
 CURVED = {"sphere", "cylinder", "mesh"}
+CONVEX: list[Settings] = [
+    {"type": "mesh", "mesh": uv_sphere(40, 20, smooth=True)},
+    {"type": "sphere"},
+    {"type": "rectangle"},
+    {"type": "disk"},
+    {"type": "cylinder"},
+]
+HIDDEN_BY_ITSELF = "shadow rays to a distant light meet the light that they are meant to end at"
 DEFECTS = {
     "sphere close": "sampled points are found through a cosine that has lost half its digits",
-    "sphere far": "shadow rays meet the light that they are meant to end at",
-    "sphere distant": "shadow rays meet the light that they are meant to end at",
+    **dict.fromkeys(("sphere far", "sphere distant", "mesh", "sphere", "cylinder"), HIDDEN_BY_ITSELF),
 }
+
+
+def marks_of(name: str) -> list[pytest.MarkDecorator]:
+    return [pytest.mark.xfail(strict=True, reason=DEFECTS[name])] if name in DEFECTS else []
 
 
 def views(lights: list[Lit]) -> list:
     """Every light from each of its points; those that are known to fail are marked."""
-    return [
-        pytest.param(
-            lit,
-            point,
-            marks=[pytest.mark.xfail(strict=True, reason=DEFECTS[lit.name])] if lit.name in DEFECTS else [],
-        )
-        for lit in lights
-        for point in lit.points
-    ]
+    return [pytest.param(lit, p, marks=marks_of(lit.name)) for lit in lights for p in lit.points]
 
 
 def name_of(value: object) -> str:
@@ -101,6 +104,18 @@ def test_fine_meshes(lit: Lit, point: Point) -> None:
     ):
         margin = Z * np.hypot(*(x.std() / np.sqrt(len(x)) for x in (sampled, uniform)))
         require(abs(sampled.mean() - uniform.mean()) < margin, f"{thing.name}: {what}")
+
+
+@pytest.mark.parametrize("shape", [pytest.param(s, marks=marks_of(s["type"]), id=s["type"]) for s in CONVEX])
+def test_nothing_hides_a_distant_light(shape: Settings) -> None:
+    """All samples on the side of a convex light that faces a point are seen from there."""
+    scene = make_scene(shapes=[{**shape, "emitter": 0}], emitters=[{"type": "area"}])
+    for distance in (10, 1e2, 1e3, 1e4):
+        point = (distance * np.array([0.3, 0.2, 0.93])).astype(np.float32)
+        s = _core.emitter_sample_many(scene, point, uniforms(generator("distant"), 20_000, 3), 0)
+        facing = s["pdf"] > 0
+        assert facing.mean() > 0.1
+        assert s["visible"][facing].mean() > 0.999, f"at distance {distance}"
 
 
 def shines_inwards(lit: Lit) -> bool:
