@@ -1,8 +1,10 @@
 #include "python/meshes.h"
 
+#include <filesystem>
 #include <fstream>
 
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
@@ -76,7 +78,7 @@ std::shared_ptr<LoadedMesh> from_file(MeshData data) {
     return mesh;
 }
 
-std::vector<std::byte> read_file(const std::string &path) {
+std::vector<std::byte> read_file(const std::filesystem::path &path) {
     std::ifstream file(path, std::ios::binary | std::ios::ate);
     const std::streamoff size = file ? static_cast<std::streamoff>(file.tellg()) : -1;
     if (size < 0) throw MeshError("cannot read the file");
@@ -191,14 +193,16 @@ void bind_meshes(nb::module_ &m) {
         .def_ro("channels", &Image::channels);
 
     m.def(
-        "load_obj", [](const std::string &path) { return from_file(read_obj(read_file(path))); }, "path"_a,
-        "Reads a Wavefront OBJ file. Raises MeshError.");
+        "load_obj", [](const std::filesystem::path &path) { return from_file(read_obj(read_file(path))); },
+        "path"_a, "Reads a Wavefront OBJ file. Raises MeshError.");
     m.def(
-        "load_ply", [](const std::string &path) { return from_file(read_ply(read_file(path))); }, "path"_a,
-        "Reads a PLY file, text or binary. Raises MeshError.");
+        "load_ply", [](const std::filesystem::path &path) { return from_file(read_ply(read_file(path))); },
+        "path"_a, "Reads a PLY file, text or binary. Raises MeshError.");
     m.def(
         "load_serialized",
-        [](const std::string &path, int index) { return from_file(read_serialized(read_file(path), index)); },
+        [](const std::filesystem::path &path, int index) {
+            return from_file(read_serialized(read_file(path), index));
+        },
         "path"_a, "shape_index"_a = 0, "Reads one mesh of a Mitsuba 0.6 .serialized file. Raises MeshError.");
 }
 

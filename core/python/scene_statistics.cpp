@@ -35,8 +35,9 @@ DirectSample sample_light(const Scene &scene, Index index, Vec3f p, Vec3f u) {
 
 // Whether a light's sample is seen from p, as a path's shadow ray finds out.
 bool sees(const Scene &scene, Tracer &tracer, Vec3f p, const DirectSample &sample) {
-    Hit here{};
+    Hit here{}; // without a normal: rays start at p itself
     here.position = p;
+    here.position_error = position_error(max_component(abs(p)));
     return transmittance(scene, tracer, here, sample) > 0;
 }
 

@@ -25,18 +25,15 @@ std::optional<SphereCone> cone_towards(const Sphere &sphere, const Vec3f &p) {
 
 SurfaceSample sample_cone_of(const Sphere &sphere, const SphereCone &cone, Vec2f u) {
     const Vec3f local = sample_cone(u, cone.height);
-    // The near intersection by its angle seen from the sphere's centre (Pharr, Jakob and Humphreys, 4th
-    // ed., 6.2.4).
-    const float sin_squared = sqr(local.x) + sqr(local.y);
-    const float along =
-        cone.distance * local.z - safe_sqrt(sqr(sphere.radius) - sqr(cone.distance) * sin_squared);
-    const float cos_alpha =
-        (sqr(cone.distance) + sqr(sphere.radius) - sqr(along)) / (2 * cone.distance * sphere.radius);
-    const float sin_alpha = safe_sqrt(1 - sqr(cos_alpha));
-    const float scale = sin_squared > 0 ? sin_alpha / std::sqrt(sin_squared) : 0;
+    // The triangle of the viewer, the sphere's centre and the near intersection, whose angle at the viewer is
+    // theta: `along` from the viewer by the roots' product, which does not cancel near the surface, then the
+    // angle alpha at the centre by the law of sines.
+    const float r = sphere.radius, d = cone.distance, cos_theta = local.z;
+    const float sin_theta_squared = sqr(local.x) + sqr(local.y);
+    const float along = (d - r) * (d + r) / (d * cos_theta + safe_sqrt(sqr(r) - sqr(d) * sin_theta_squared));
+    const float sin_ratio = along / r, cos_alpha = (d - along * cos_theta) / r;
     const Frame frame = frame_around(-cone.axis);
-    return sphere.at(
-        normalize(frame.to_world({scale * local.x, scale * local.y, std::min(cos_alpha, 1.0f)})));
+    return sphere.at(normalize(frame.to_world({sin_ratio * local.x, sin_ratio * local.y, cos_alpha})));
 }
 
 DirectSample towards(const Vec3f &p, const SurfaceSample &point) {

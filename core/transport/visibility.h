@@ -19,11 +19,16 @@ inline bool passes(float passage, float &u) {
     return result;
 }
 
+// From a point towards a sampled light, ending before its surface. `light.target` clears the error of the
+// light's own coordinates; the end clears those of a far away viewer's too.
+inline Ray shadow_ray(const Vec3f &origin, float origin_error, const DirectSample &light) {
+    if (light.distance == infinity) return {origin, light.wi, 0, infinity};
+    return {origin, light.target - origin, 0, std::min(1 - origin_error / light.distance, one_minus_ulp)};
+}
+
 // The fraction of a sampled light that reaches a hit.
 inline float transmittance(const Scene &scene, Tracer &tracer, const Hit &hit, const DirectSample &light) {
-    const Vec3f origin = leave(hit, light.wi);
-    const bool distant = light.distance == infinity;
-    Ray ray{origin, distant ? light.wi : light.target - origin, 0, distant ? infinity : one_minus_ulp};
+    Ray ray = shadow_ray(leave(hit, light.wi), hit.position_error, light);
     if (!scene.has_passages()) return tracer.occluded(ray) ? 0.0f : 1.0f;
 
     float result = 1;
@@ -33,9 +38,8 @@ inline float transmittance(const Scene &scene, Tracer &tracer, const Hit &hit, c
         const Hit surface = scene.hit(ray, *found, {});
         result *= scene.passage(surface);
         if (result == 0) return 0;
-        const Vec3f next = leave(surface, light.wi);
-        ray = {next, distant ? light.wi : light.target - next, 0, ray.far};
-        if (!distant && dot(ray.direction, light.wi) <= 0) return result;
+        ray = shadow_ray(leave(surface, light.wi), hit.position_error, light);
+        if (dot(ray.direction, light.wi) <= 0) return result;
     }
     return 0;
 }
