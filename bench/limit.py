@@ -3,9 +3,10 @@
 
     python bench/limit.py SCENE.xml ... [--spp N] [--runs N] [--threads N] [--size WxH] [--max-depth N]
 
-Every ray of a render is recorded, in the order in which each tile asked for it, and traced again through Embree alone on
-the same threads. Renders and replays alternate; the table shows the median of the ratios of neighbours, so that a machine
-whose speed drifts does not matter much. Replays need 40 bytes per ray: choose --spp accordingly.
+Every ray of a render is recorded, in the order in which each tile asked for it, and traced again through
+Embree alone on the same threads. Renders and replays alternate; the table shows the median of the ratios of
+neighbours, so that a machine whose speed drifts does not matter much. Replays need 36 bytes per ray: choose
+--spp accordingly.
 """
 
 import argparse

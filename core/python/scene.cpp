@@ -53,7 +53,8 @@ std::int32_t read_id(const nb::dict &entry, const char *key, std::size_t count, 
     std::int32_t id = -1;
     if (entry.contains(key)) read_value(entry[key], id, where + "." + key);
     if (id < -1 || id >= static_cast<std::int64_t>(count))
-        throw_unexpected(where + "." + key, "-1 or an index below " + std::to_string(count), entry[key]);
+        throw_unexpected(where + "." + key,
+                         count > 0 ? "-1 or an index below " + std::to_string(count) : "-1", entry[key]);
     return id;
 }
 
@@ -107,8 +108,11 @@ SceneParts read_parts(const nb::dict &description) {
         return light;
     });
     parts.shapes = read_list(description, "shapes", [&](const nb::dict &entry, const std::string &where) {
+        constexpr std::size_t media = 0; // there are none yet: only -1 is a medium's index
         parts.slots.push_back({read_id(entry, "material", parts.materials.size(), where),
-                               read_id(entry, "emitter", parts.lights.size(), where), -1, -1});
+                               read_id(entry, "emitter", parts.lights.size(), where),
+                               read_id(entry, "interior", media, where),
+                               read_id(entry, "exterior", media, where)});
         return variant_from<Shape>(entry, where, {"material", "emitter", "interior", "exterior"});
     });
     parts.camera = read_variant<Camera>(description, "sensor");
