@@ -12,6 +12,7 @@ from lajolla import _core
 
 Settings = dict[str, object]
 
+PINHOLE: Settings = {"type": "box", "radius": 1e-3}  # a pixel sees what its centre sees
 BATCHES = 32  # independent renders of a scene that a mean is made of
 
 
@@ -44,6 +45,19 @@ def look_at(origin: Sequence[float], target: Sequence[float]) -> np.ndarray:
     matrix = np.eye(4)
     matrix[:3, :] = np.stack([side, np.cross(forward, side), forward, np.asarray(origin, float)], axis=1)
     return matrix
+
+
+def front_view(distance: float, width: float) -> Settings:
+    """Parallel rays down onto the plane z = 0."""
+    return {
+        "type": "orthographic",
+        "to_world": look_at((0, 0, distance), (0, 0, 0)) @ scaling(width / 2, width / 2, 1),
+    }
+
+
+def area(radiance: object = 1) -> Settings:
+    """A light for a shape."""
+    return {"type": "area", "radiance": radiance}
 
 
 def uv_sphere(columns: int, rows: int, *, smooth: bool) -> _core.Mesh:

@@ -1,4 +1,4 @@
-"""The path tracer and the views against answers known in closed form, and its strategies against each other.
+"""The path tracer against answers known in closed form, and its strategies against each other.
 
 Means are compared by t-tests; together with all other statistical tests they reject a correct renderer with
 the probability that statistics_tools states.
@@ -11,17 +11,19 @@ import pytest
 from emitter_tools import random_bitmap
 from scatter_tools import MODELS
 from scene_tools import (
+    PINHOLE,
     Settings,
+    area,
     batch_means,
     check_mean,
     check_same_mean,
+    front_view,
     look_at,
     make_scene,
     picture,
     rotation,
     scaling,
     translation,
-    uv_sphere,
 )
 from statistics_tools import ROUNDING
 from test_scatter import LOSSLESS
@@ -35,24 +37,11 @@ ALBEDO = 0.6
 PLANE: Settings = {"type": "rectangle", "to_world": scaling(50), "material": 0}
 GREY: Settings = {"type": "diffuse", "reflectance": ALBEDO}
 FACING_DOWN = rotation((1, 0, 0), 180)
-PINHOLE: Settings = {"type": "box", "radius": 1e-3}  # a pixel sees what its centre sees
 
 
 def point_view(origin: tuple[float, float, float] = (3, -4, 5)) -> Settings:
     """Parallel rays to a neighbourhood of (0, 0, 0) so small that it is a point."""
     return {"type": "orthographic", "to_world": look_at(origin, (0, 0, 0)) @ scaling(1e-4, 1e-4, 1)}
-
-
-def front_view(distance: float, width: float) -> Settings:
-    """Parallel rays down onto the plane z = 0."""
-    return {
-        "type": "orthographic",
-        "to_world": look_at((0, 0, distance), (0, 0, 0)) @ scaling(width / 2, width / 2, 1),
-    }
-
-
-def area(radiance: object = 1) -> Settings:
-    return {"type": "area", "radiance": radiance}
 
 
 # Radiance of a diffuse plane under one light: the light, its shape, and the irradiance over pi.
@@ -359,90 +348,3 @@ def test_hidden_emitters() -> None:
         check_mean(f"hidden {hidden}", batch_means(scene, 256), ALBEDO * expected if hidden else 0)
         sky = make_scene(emitters=[{"type": "constant", "radiance": 2}], hide_emitters=hidden)
         assert (picture(sky, 1) == (0 if hidden else 2)).all()
-
-
-# Integrators that show the first hit, of a unit sphere seen along parallel rays.
-def view_of_sphere(kind: str, shape: Settings | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The picture, and the coordinates of its pixels' centres; rays that nearly miss are left out."""
-    size = 32
-    scene = make_scene(
-        shapes=[{"type": "sphere", "material": 0, **(shape or {})}],
-        sensor={"type": "orthographic", "to_world": translation(0, 0, -3)},
-        size=(size, size),
-        rfilter=PINHOLE,
-        type=kind,
-    )
-    centres = 1 - 2 * (np.arange(size) + 0.5) / size
-    x, y = np.meshgrid(centres, centres)
-    inner = x**2 + y**2 < 0.9
-    return picture(scene, 1)[inner], x[inner], y[inner]
-
-
-def test_depth() -> None:
-    image, x, y = view_of_sphere("depth")
-    np.testing.assert_allclose(image[:, 0], 3 - np.sqrt(1 - x**2 - y**2), atol=1e-3)
-    assert (image == image[:, :1]).all()
-
-
-def test_shading_normal() -> None:
-    for flip in (1, -1):
-        image, x, y = view_of_sphere("shadingNormal", {"flip_normals": flip < 0})
-        expected = flip * np.stack([x, y, -np.sqrt(1 - x**2 - y**2)], axis=1)
-        np.testing.assert_allclose(image, expected, atol=1e-3)
-    smooth = {"type": "mesh", "mesh": uv_sphere(96, 48, smooth=True)}
-    image, x, y = view_of_sphere("shadingNormal", smooth)
-    np.testing.assert_allclose(image, np.stack([x, y, -np.sqrt(1 - x**2 - y**2)], axis=1), atol=1e-2)
-
-
-def test_mean_curvature() -> None:
-    image, _, _ = view_of_sphere("meanCurvature")
-    np.testing.assert_allclose(image, 1, rtol=1e-5)
-    image, _, _ = view_of_sphere("meanCurvature", {"type": "mesh", "mesh": uv_sphere(96, 48, smooth=True)})
-    np.testing.assert_allclose(np.median(image), 1, rtol=1e-2)
-
-
-def test_ray_cones() -> None:
-    """Half a pixel wide where the ray meets a surface; cones of perspective cameras open with distance."""
-    image, _, _ = view_of_sphere("rayDifferential")
-    np.testing.assert_allclose(image, np.tile([1 / 32, 0, 0], (len(image), 1)), rtol=1e-5)
-    size, fov, distance = 24, 60, 5
-    scene = make_scene(
-        shapes=[{"type": "rectangle", "to_world": translation(0, 0, distance) @ scaling(50)}],
-        sensor={"type": "perspective", "fov": fov},
-        size=(size, size),
-        rfilter=PINHOLE,
-        type="rayDifferential",
-    )
-    half_pixel = np.tan(np.radians(fov / 2)) / size
-    image = picture(scene, 1)
-    np.testing.assert_allclose(image[..., 0], half_pixel * distance, rtol=1e-4)
-    centres = (2 * (np.arange(size) + 0.5) / size - 1) * np.tan(np.radians(fov / 2))
-    lengths = np.sqrt(1 + centres[None] ** 2 + centres[:, None] ** 2)
-    np.testing.assert_allclose(image[..., 1], half_pixel / lengths, rtol=1e-3)
-
-
-@pytest.mark.parametrize("texels, repeats", [(64, 1), (64, 4), (256, 1), (2, 1)])
-def test_mipmap_level(texels: int, repeats: int) -> None:
-    """log2 of the texels across the radius of a pixel's footprint."""
-    bitmap = {
-        "type": "bitmap",
-        "image": _core.Image(np.ones((texels, texels), np.float32)),
-        "filter_type": "trilinear",
-        "to_uv": scaling(repeats),
-    }
-    for width in (2, 0.5):
-        scene = make_scene(
-            shapes=[{"type": "rectangle", "to_world": scaling(20), "material": 0}],
-            textures=[bitmap],
-            bsdfs=[{"type": "diffuse", "reflectance": {"texture": 0}}],
-            sensor=front_view(3, width),
-            size=(16, 16),
-            type="mipmapLevel",
-        )
-        radius = width / 16 / 2
-        np.testing.assert_allclose(picture(scene, 1), np.log2(texels * repeats * radius / 40), atol=1e-3)
-
-
-def test_views_show_nothing_where_nothing_is() -> None:
-    for kind in set(_core.schema()["integrator"]) - {"path"}:
-        assert (picture(make_scene(type=kind), 1) == 0).all()
