@@ -65,7 +65,10 @@ void Orthographic::build(float aspect, float width) {
 
 CameraRay Orthographic::generate(Vec2f film, Vec2f) const {
     const Vec3f origin{1 - 2 * film.x, (1 - 2 * film.y) / aspect_, 0};
-    return {world_ray(to_world, origin, {0, 0, 1}, near_clip, far_clip), {pixel_, 0}, 0};
+    CameraRay camera{world_ray(to_world, origin, {0, 0, 1}, near_clip, far_clip), {pixel_, 0}, 0};
+    // Orthographic cameras are zoomed by scaling them: that must not bring the far plane nearer.
+    camera.ray.far = camera.ray.near + (far_clip - near_clip);
+    return camera;
 }
 
 } // namespace lajolla

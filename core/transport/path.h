@@ -128,8 +128,11 @@ inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler
         const auto scattered = sample(surface.lobe, surface.wo, u.lobe, u.bsdf_uv);
         if (!scattered) break;
         // Radiance over eta^2 is what stays constant along a ray that refracts (Veach 1997, section 5.2).
-        throughput *= scattered->weight / sqr(scattered->eta);
-        eta *= scattered->eta;
+        throughput *= scattered->weight;
+        if (scattered->eta != 1) {
+            throughput /= sqr(scattered->eta);
+            eta *= scattered->eta;
+        }
         from.position = hit.position;
         from.pdf = scattered->pdf;
         from.delta = surface.sharp || scattered->is_delta();
