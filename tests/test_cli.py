@@ -123,8 +123,8 @@ def test_pixel(capsys: Capture) -> None:
         ("render room.xml --sample 1", "--sample needs --pixel"),
         ("render room.xml --pixel 0,0 --sample 99999999999", "sample must be in 0 to"),
         ("render room.xml --threads 100000", "threads must be in 1 to 1024"),
-        ("render room.xml --seed 99999999999", "seed"),
-        ("render room.xml --size 99999999x1", "width"),
+        ("render room.xml --seed 99999999999", "seed must be in 0 to 4294967295, not 99999999999"),
+        ("render room.xml --size 99999999x1", "size must be in 1 to 65536, not 99999999"),
         ("render room.xml --pixel 16,0", "pixel 16,0 is outside of the picture, 16 x 12"),
         ("render room.xml --integrator pth", "no integrator 'pth'; did you mean 'path'?"),
         (
@@ -155,6 +155,18 @@ def test_broken_scene_shows_the_place(capsys: Capture) -> None:
     Path("room.xml").write_text(SCENE.replace('type="sphere"', 'type="sphree"'))
     assert cli.main(["render", "room.xml", "--strict"]) == 1
     assert "room.xml:9:" in capsys.readouterr().err
+
+
+def test_a_refusal_of_the_core_shows_the_place(capsys: Capture) -> None:
+    Path("room.xml").write_text(
+        SCENE.replace('type="sphere"', 'type="cylinder"').replace(
+            "</shape>", ('<float name="radius" value="0"/></shape>')
+        )
+    )
+    assert cli.main(["render", "room.xml"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("room.xml:9:5: error: ")
+    assert "radius above zero" in error
 
 
 def test_check(capsys: Capture) -> None:
@@ -257,6 +269,17 @@ def test_nonfinite_samples_are_reported_with_a_replay(capsys: Capture) -> None:
     repeated = parse(replay.split()[1:])
     assert isinstance(repeated, argparse.Namespace)
     assert replay_command(repeated, 3, 5, 7) == replay
+
+
+def test_the_replay_command_of_a_cropped_render_runs(capsys: Capture) -> None:
+    arguments = parse("render room.xml --crop 4,3,5,6 -o a.pfm --quiet".split())
+    replay = replay_command(arguments, 8, 8, 0)
+    assert cli.main(replay.split()[1:]) == 0
+    capsys.readouterr()
+    assert cli.main("render room.xml --crop 4,3,5,6 -o a.pfm --quiet --spp 1".split()) == 0
+    assert cli.main(replay.split()[1:]) == 0
+    values = [float(word) for word in capsys.readouterr().out.split()]
+    np.testing.assert_allclose(values, image.read("a.pfm")[5, 4], rtol=1e-5)
 
 
 def run(*words: str, **settings: object) -> subprocess.CompletedProcess[str]:

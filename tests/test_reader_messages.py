@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from reader_tools import error, error_of, messages, read, write_scene
 
+import lajolla
 from lajolla import _core
 
 SPHERE = '<shape type="sphere">{}</shape>'
@@ -271,3 +272,25 @@ def test_encodings(encoding: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("path", ["/", "/nonexistent/scene.xml", "/dev/zero"])
 def test_what_is_no_file(path: str) -> None:
     assert "error: " in error(Path(path))
+
+
+@pytest.mark.parametrize(
+    ("body", "line", "message"),
+    [
+        (
+            '<emitter type="spot"><float name="cutoff_angle" value="10"/>'
+            '<float name="beam_width" value="20"/></emitter>',
+            3,
+            "beam_width is larger than cutoff_angle",
+        ),
+        (SPHERE.format('\n<bsdf type="dielectric"><float name="int_ior" value="0"/></bsdf>'), 4, "int_ior"),
+        ('<emitter type="constant"/>\n<emitter type="constant"/>', 4, "one environment light"),
+        ('<shape type="cylinder"><float name="radius" value="0"/></shape>', 3, "radius above zero"),
+    ],
+)
+def test_refusals_of_the_core_have_a_place(tmp_path: Path, body: str, line: int, message: str) -> None:
+    path = write_scene(tmp_path, body)
+    with pytest.raises(lajolla.SceneError, match=message) as caught:
+        lajolla.load(path)
+    assert caught.value.location is not None
+    assert caught.value.location.line == line

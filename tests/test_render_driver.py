@@ -7,6 +7,7 @@ import pytest
 
 import lajolla
 from lajolla.render import Options, Progress, Rendering, apply_options
+from lajolla.scene import describe
 
 SCENE: dict[str, Any] = {
     "type": "scene",
@@ -55,21 +56,58 @@ def test_size_drops_the_scenes_crop() -> None:
     assert apply_options(CORE, Options(size=(10, 20)))["film"] == {"width": 10, "height": 20}
 
 
+def integrator_of(given: dict[str, Any], **options: Any) -> dict[str, Any]:  # noqa: ANN401
+    """What becomes of a scene's integrator with another one asked for."""
+    core = describe({**SCENE, "integrator": given}, **options).core
+    return core["integrator"]
+
+
 def test_another_integrator_takes_what_it_knows() -> None:
-    assert apply_options(CORE, Options(integrator="depth"))["integrator"] == {"type": "depth"}
+    path = {"type": "path", "max_depth": 3, "rr_depth": 2}
+    assert integrator_of(path, integrator="depth") == {"type": "depth"}
+    assert integrator_of(path, integrator="path") == path
+    assert integrator_of(path, integrator="direct") == {"type": "path", "max_depth": 2, "strategy": "mis"}
+    assert integrator_of({"type": "direct", "emitter_samples": 0}, integrator="path") == {"type": "path"}
+    assert integrator_of({"type": "volpath", "max_depth": 7}, integrator="path") == path_of_depth(7)
+    aov = {"type": "aov", "aovs": "d:depth", "inner": path_of_depth(4)}
+    assert integrator_of(aov, integrator="path") == path_of_depth(4)
+
+
+def path_of_depth(depth: int) -> dict[str, Any]:
+    return {"type": "path", "max_depth": depth}
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         (Options(crop=(60, 0, 10, 10)), "outside of the film"),
-        (Options(integrator="pth"), "did you mean 'path'"),
-        (Options(integrator="depth", max_depth=3), "has no max_depth"),
     ],
 )
 def test_options_that_do_not_fit(options: Options, message: str) -> None:
     with pytest.raises(lajolla.OptionError, match=message):
         apply_options(CORE, options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"integrator": "pth"}, "did you mean 'path'"),
+        ({"integrator": 5}, "there is no integrator 5"),
+        ({"integrator": "depth", "max_depth": 3}, "has no max_depth"),
+        ({"max_depth": -2}, "max_depth must be in -1 to"),
+        ({"spp": 2.5}, "spp must be a whole number, not 2.5"),
+        ({"spp": True}, "spp must be a whole number, not True"),
+        ({"seed": 2**32}, "seed must be in 0 to 4294967295, not 4294967296"),
+        ({"size": 5}, "size must be 2 whole numbers, not 5"),
+        ({"size": (5, 0)}, "size must be in 1 to 65536, not 0"),
+        ({"crop": (1, 2, 3)}, r"crop must be 4 whole numbers, not \(1, 2, 3\)"),
+        ({"crop": (1, 2, 0, 0)}, "crop must be in 1 to 65536, not 0"),
+        ({"crop": (1.5, 2, 3, 3)}, "crop must be a whole number, not 1.5"),
+    ],
+)
+def test_options_that_no_scene_can_have(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(lajolla.OptionError, match=message):
+        lajolla.load_dict(SCENE, **options)
 
 
 def test_picture(scene: lajolla.Scene) -> None:
@@ -133,6 +171,45 @@ def test_an_interrupted_rendering_goes_on(scene: lajolla.Scene) -> None:
     np.testing.assert_array_equal(rendering.image().array, scene.render(spp=16, seed=1).array)
 
 
+def test_a_rendering_interrupted_in_a_pass_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lajolla.render.POLL_SECONDS", 0)
+    scene = lajolla.load_dict(SCENE, size=(512, 512), spp=2)
+    rendering = scene.rendering(seed=1)
+
+    def interrupt(progress: Progress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        rendering.run(interrupt)
+    assert rendering.samples == 0
+    rendering.run()
+    np.testing.assert_array_equal(rendering.image().array, scene.render(seed=1).array)
+
+
+def test_a_cancelled_pass_ends_the_run(scene: lajolla.Scene) -> None:
+    rendering = scene.rendering(spp=4)
+
+    class Cancelled:
+        samples = 0
+        progress = 0.0
+
+        def add(self, first: int, count: int, threads: int) -> bool:
+            return False
+
+    rendering.accumulator = Cancelled()
+    with pytest.raises(RuntimeError, match="cancelled"):
+        rendering.run()
+
+
+def test_radiance_counts_pixels_from_the_films_corner() -> None:
+    scene = lajolla.load_dict(SCENE, crop=(5, 4, 6, 4))
+    picture = scene.render().array
+    np.testing.assert_allclose(scene.radiance(8, 6), picture[2, 3], rtol=1e-5)
+    for x, y in ((4, 4), (5, 3), (11, 4), (5, 8)):
+        with pytest.raises(lajolla.OptionError, match="6 x 4, which begins at 5,4"):
+            scene.radiance(x, y)
+
+
 def test_radiance_of_a_pixel_is_that_of_the_picture(scene: lajolla.Scene) -> None:
     picture = scene.render().array
     np.testing.assert_allclose(scene.radiance(8, 6), picture[6, 8], rtol=1e-5)
@@ -150,10 +227,16 @@ def test_options_of_load_dict() -> None:
 
 
 @pytest.mark.parametrize(
-    "options", [{"spp": 0}, {"spp": 2**40}, {"threads": 0}, {"threads": 2**20}, {"seed": -1}]
+    "options", [{"spp": 0}, {"spp": 2**40}, {"seed": 2**32}, {"threads": 0}, {"threads": 2**20}, {"seed": -1}]
 )
 def test_impossible_numbers(scene: lajolla.Scene, options: dict[str, int]) -> None:
     with pytest.raises(lajolla.OptionError, match=f"must be in .*, not {next(iter(options.values()))}"):
+        scene.render(**options)
+
+
+@pytest.mark.parametrize("options", [{"spp": 2.5}, {"seed": "1"}, {"threads": 1.0}])
+def test_numbers_that_are_not_whole(scene: lajolla.Scene, options: dict[str, Any]) -> None:
+    with pytest.raises(lajolla.OptionError, match="must be a whole number, not "):
         scene.render(**options)
 
 

@@ -3,24 +3,26 @@
 import difflib
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lajolla import _core
 from lajolla.image import Image
-from lajolla.scene import Description, SceneWarning, describe, load_description
+from lajolla.scene import Description, SceneWarning, describe, load_description, plugins
 
 PASS_SECONDS = 2.0  # passes grow until they take about this long; an interrupted one is lost
 POLL_SECONDS = 0.1
 
 MAX_SAMPLES = 2**30  # as in the core
 MAX_SEED = 2**32 - 1
+MAX_SIZE = 65536
+MAX_INTEGER = 2**31 - 1
 MAX_THREADS = 1024  # TBB hangs far above
 
 
@@ -36,12 +38,47 @@ class Options:
     size: tuple[int, int] | None = None  # width, height in pixels; drops the scene's crop window
     crop: tuple[int, int, int, int] | None = None  # x, y, width, height in pixels
     seed: int | None = None
-    integrator: str | None = None  # keeps the scene's parameters that the new one has too
+    integrator: str | None = None  # keeps the parameters in the scene that the new one has too
     max_depth: int | None = None  # -1: unlimited, 1: emitters alone, 2: direct light
+
+    def __post_init__(self) -> None:
+        """Raises OptionError for values that no scene can have."""
+        _check_range("spp", self.spp, 1, MAX_SAMPLES)
+        _check_range("seed", self.seed, 0, MAX_SEED)
+        _check_range("max_depth", self.max_depth, -1, MAX_INTEGER)
+        _check_window("size", self.size, (1, 1), MAX_SIZE)
+        _check_window("crop", self.crop, (0, 0, 1, 1), MAX_SIZE)
+        integrators = [*_core.schema()["integrator"], *plugins()["integrator"]]
+        if self.integrator is not None and self.integrator not in integrators:
+            raise OptionError(
+                f"there is no integrator {self.integrator!r}{suggestion(str(self.integrator), integrators)}"
+            )
+
+
+def _check_range(name: str, value: int | None, lowest: int, highest: int) -> None:
+    """Whole numbers of any type pass, and None, which stands for the scene's own value."""
+    if value is None:
+        return
+    if isinstance(value, bool) or not isinstance(value, SupportsIndex):
+        raise OptionError(f"{name} must be a whole number, not {value!r}")
+    if not lowest <= value <= highest:
+        raise OptionError(f"{name} must be in {lowest} to {highest}, not {value}")
+
+
+def _check_window(name: str, values: Sequence[int] | None, lowest: Sequence[int], highest: int) -> None:
+    if values is None:
+        return
+    if not isinstance(values, Sequence) or len(values) != len(lowest):
+        raise OptionError(f"{name} must be {len(lowest)} whole numbers, not {values!r}")
+    for value, low in zip(values, lowest, strict=True):
+        _check_range(name, value, low, highest)
 
 
 def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
-    """The description with the options in place of the scene's own values. Raises OptionError."""
+    """The description with the options in place of the scene's own values. Raises OptionError.
+
+    Another integrator is not among them: it is chosen when the scene is read.
+    """
     result = dict(core)
     result["sampler"] = _with(core["sampler"], sample_count=options.spp, seed=options.seed)
     film = dict(core["film"])
@@ -70,17 +107,10 @@ def _crop_fields(crop: tuple[int, int, int, int], film: Mapping[str, Any]) -> di
 
 
 def _integrator(entry: Mapping[str, Any], options: Options) -> dict[str, Any]:
-    models = _core.schema()["integrator"]
-    name = options.integrator or entry["type"]
-    if name not in models:
-        raise OptionError(f"there is no integrator {name!r}{suggestion(name, models)}")
-    fields = {field["name"] for field in models[name]["fields"]}
-    kept = {key: value for key, value in entry.items() if key in fields or name == entry["type"]}
-    if options.max_depth is not None:
-        if "max_depth" not in fields:
-            raise OptionError(f"the integrator {name!r} has no max_depth")
-        kept["max_depth"] = options.max_depth
-    return {**kept, "type": name}
+    fields = {field["name"] for field in _core.schema()["integrator"][entry["type"]]["fields"]}
+    if options.max_depth is not None and "max_depth" not in fields:
+        raise OptionError(f"the integrator {entry['type']!r} has no max_depth")
+    return _with(entry, max_depth=options.max_depth)
 
 
 def suggestion(name: str, known: Mapping[str, Any] | list[str]) -> str:
@@ -139,7 +169,8 @@ class Rendering:
                 except BaseException:
                     self.accumulator.cancel()
                     raise  # when the running pass has stopped, for which the worker's block waits
-                task.result()
+                if not task.result():
+                    raise RuntimeError("the rendering was cancelled")
                 self.seconds += time.perf_counter() - start
                 observe(Progress(self.samples, self.spp, self.seconds))
 
@@ -158,7 +189,10 @@ class Scene:
 
     def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
         start = time.perf_counter()
-        self.core = _core.Scene(apply_options(description.core, options))
+        try:
+            self.core = _core.Scene(apply_options(description.core, options))
+        except _core.DescriptionError as problem:
+            raise description.refusal(problem) from None
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
@@ -208,22 +242,19 @@ class Scene:
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
         """What one sample of pixel (x, y) adds, or the mean of all samples: three numbers, float64.
 
-        Unlike in a picture, values that are not finite stay what they are.
-        Raises OptionError outside of the picture.
+        The pixel is counted from the film's corner, whatever the crop window. Unlike in a picture, values
+        that are not finite stay what they are. Raises OptionError outside of the picture.
         """
-        if not (0 <= x < self.width and 0 <= y < self.height):
-            raise OptionError(f"pixel {x},{y} is outside of the picture, {self.width} x {self.height}")
+        left, top = self.core.crop_offset
+        if not (left <= x < left + self.width and top <= y < top + self.height):
+            begin = f", which begins at {left},{top}" if left or top else ""
+            raise OptionError(f"pixel {x},{y} is outside of the picture, {self.width} x {self.height}{begin}")
         seed = self.core.seed if seed is None else seed
         _check_range("seed", seed, 0, MAX_SEED)
-        _check_range("sample", sample or 0, 0, MAX_SAMPLES - 1)
+        _check_range("sample", sample, 0, MAX_SAMPLES - 1)
         samples = range(self.core.sample_count) if sample is None else [sample]
         values = [_core.sample_radiance(self.core, seed, x, y, index) for index in samples]
         return np.mean(np.asarray(values, np.float64), axis=0)
-
-
-def _check_range(name: str, value: int, lowest: int, highest: int) -> None:
-    if not lowest <= value <= highest:
-        raise OptionError(f"{name} must be in {lowest} to {highest}, not {value}")
 
 
 def available_threads() -> int:
@@ -258,7 +289,9 @@ def load(
     own, extra = _split_options(options)
     texts = {name: _as_text(value) for name, value in {**extra, **(parameters or {})}.items()}
     start = time.perf_counter()
-    description = load_description(Path(path), parameters=texts, strict=strict, two_sided=two_sided)
+    description = load_description(
+        Path(path), parameters=texts, strict=strict, two_sided=two_sided, integrator=own.integrator
+    )
     return Scene(description, own, time.perf_counter() - start)
 
 
@@ -280,7 +313,9 @@ def load_dict(
         raise TypeError(f"load_dict() has no option {name!r}{suggestion(name, vars(own))}")
     start = time.perf_counter()
     folder = None if base_path is None else Path(base_path)
-    description = describe(dict(scene), base_path=folder, strict=strict, two_sided=two_sided)
+    description = describe(
+        scene, base_path=folder, strict=strict, two_sided=two_sided, integrator=own.integrator
+    )
     return Scene(description, own, time.perf_counter() - start)
 
 

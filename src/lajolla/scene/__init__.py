@@ -47,8 +47,9 @@ class Description:
         """
         entry = re.match(r"\w+(\[\d+\])?", str(problem))
         place = self.places.get(entry.group()) if entry else None
-        message = re.sub(r"^[^:]*: ", "", str(problem)) if place else str(problem)
-        return SceneError(message, place)
+        if place is None:
+            return SceneError(str(problem), self.places.get("scene"))
+        return SceneError(re.sub(r"^[^:]*: ", "", str(problem)), place)
 
 
 def load_description(
@@ -57,6 +58,7 @@ def load_description(
     parameters: Mapping[str, str] = NO_PARAMETERS,
     strict: bool = False,
     two_sided: bool = False,
+    integrator: str | None = None,
 ) -> Description:
     """Reads a Mitsuba scene file of any version.
 
@@ -65,6 +67,7 @@ def load_description(
         parameters: values for `$name` in the file; they win over its defaults.
         strict: refuse unknown plugins and properties instead of warning.
         two_sided: make opaque materials the same on the back.
+        integrator: the plugin to use in place of the scene's integrator, with the parameters that both have.
 
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
@@ -73,7 +76,7 @@ def load_description(
     document = expand_file(Path(path), parameters, diagnostics)
     tree = nodes_from_elements(document.root, diagnostics)
     upgrade(tree.nodes)
-    return _describe(tree, Builder(_core(), diagnostics, document.search_paths, two_sided))
+    return _describe(tree, Builder(_core(), diagnostics, document.search_paths, two_sided, integrator))
 
 
 def describe(
@@ -82,19 +85,20 @@ def describe(
     base_path: str | os.PathLike[str] | None = None,
     strict: bool = False,
     two_sided: bool = False,
+    integrator: str | None = None,
 ) -> Description:
     """Reads a scene from a dict, as Mitsuba 3's `load_dict` does.
 
     Args:
         scene_dict: `{"type": "scene", ...}`.
         base_path: the folder of files that it names; the working directory by default.
-        strict, two_sided: as for `load_description`.
+        strict, two_sided, integrator: as for `load_description`.
 
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
-    builder = Builder(_core(), Diagnostics(strict), [base], two_sided)
+    builder = Builder(_core(), Diagnostics(strict), [base], two_sided, integrator)
     return _describe(nodes_from_dict(scene_dict, base, builder.table), builder)
 
 

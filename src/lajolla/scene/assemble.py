@@ -11,6 +11,8 @@ from .nodes import Node, Property, Rgb
 from .plugins.bsdfs import TRANSMISSIVE
 from .schema import Slot
 
+ENVIRONMENTS = ("envmap", "constant")
+
 
 def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     """The description of a scene; see docs/architecture.md.
@@ -18,6 +20,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     Raises:
         SceneError: something cannot be built, or there is no sensor.
     """
+    builder.places["scene"] = scene.location
     for prop in scene.properties:
         if not isinstance(prop.value, Node):
             builder.diagnostics.unknown(f'a scene has no property "{prop.name}"', prop.name_location)
@@ -42,9 +45,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
         "film": _one(builder, film),
         "rfilter": _one(builder, _only(builder, film, "rfilter") or _implied(film, "rfilter", "gaussian")),
         "sampler": _one(builder, _only(builder, sensor, "sampler") or _implied(sensor, "sampler", "sobol")),
-        "integrator": _one(
-            builder, _only(builder, scene, "integrator") or _default_integrator(builder, scene)
-        ),
+        "integrator": _one(builder, _integrator(builder, scene)),
     }
 
 
@@ -72,6 +73,20 @@ def _implied(parent: Node, kind: str, plugin: str) -> Node:
     return Node(kind, plugin, parent.location, parent.location)
 
 
+def _integrator(builder: Builder, scene: Node) -> Node:
+    """The scene's integrator, or the one asked for with the parameters in the file that it has too."""
+    node = _only(builder, scene, "integrator")
+    if builder.integrator is None:
+        return node or _default_integrator(builder, scene)
+    asked = _implied(scene, "integrator", builder.integrator)
+    plugin = builder.plugin(asked)
+    while node and plugin:
+        fields = {field.name for field in plugin.fields}
+        asked.properties += [prop for prop in node.properties if prop.name in fields]
+        node = next((child for _, child in node.children("integrator")), None)
+    return asked
+
+
 def _default_integrator(builder: Builder, scene: Node) -> Node:
     """Direct light in files before 2.0; a path tracer, with a warning, in newer ones."""
     if scene.version < (2, 0, 0):
@@ -97,8 +112,11 @@ def _add_emitter(builder: Builder, node: Node) -> None:
     if node.plugin.lower() == "area":
         raise SceneError("an area light must stand inside a shape", node.location)
     entry = builder.construct(node)
-    if entry is not None:
-        builder.add("emitters", entry, node)
+    if entry is None:
+        return
+    if entry["type"] in ENVIRONMENTS and any(other["type"] in ENVIRONMENTS for other in builder.emitters):
+        raise SceneError("a scene has one environment light at most; this is the second", node.location)
+    builder.add("emitters", entry, node)
 
 
 def _add_shape(builder: Builder, node: Node) -> None:
@@ -107,7 +125,7 @@ def _add_shape(builder: Builder, node: Node) -> None:
     if entry is None:
         return
     emitter = _area_light(builder, node)
-    material = builder.add_material(_material(builder, node, emits=emitter >= 0))
+    material = builder.add_material(_material(builder, node, emits=emitter >= 0), node)
     builder.add("shapes", {**entry, "material": material, "emitter": emitter}, node)
 
 

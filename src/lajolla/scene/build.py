@@ -44,6 +44,7 @@ class Builder:
     diagnostics: Diagnostics
     search_paths: list[Path]
     two_sided: bool = False
+    integrator: str | None = None  # in place of the scene's
     table: dict[str, dict[str, Plugin]] = field(default_factory=dict)
     textures: list[dict[str, Any]] = field(default_factory=list)
     bsdfs: list[dict[str, Any]] = field(default_factory=list)
@@ -170,12 +171,12 @@ class Builder:
             self.bsdf_indices[key] = self.add("bsdfs", entry, node)
         return self.bsdf_indices[key]
 
-    def add_material(self, slot: Slot) -> int:
-        """The index of a material slot; the same one is not added twice."""
+    def add_material(self, slot: Slot, shape: Node) -> int:
+        """The index of a shape's material slot; the same one is not added twice."""
         if slot not in self.slots:
-            self.slots[slot] = len(self.materials)
             opacity = slot.opacity if slot.opacity_texture < 0 else {"texture": slot.opacity_texture}
-            self.materials.append({"front": slot.front, "back": slot.back, "opacity": opacity})
+            entry = {"front": slot.front, "back": slot.back, "opacity": opacity}
+            self.slots[slot] = self.add("materials", entry, shape)
         return self.slots[slot]
 
 
