@@ -294,3 +294,54 @@ def test_refusals_of_the_core_have_a_place(tmp_path: Path, body: str, line: int,
         lajolla.load(path)
     assert caught.value.location is not None
     assert caught.value.location.line == line
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ('<emitter type="envmap"/>', 'emitter "envmap" needs the string "filename"'),
+        (
+            SPHERE.format('<bsdf type="conductor"><float name="ext_eta" value="0"/></bsdf>'),
+            '"ext_eta" must be above zero, not 0',
+        ),
+        (
+            '<shape type="serialized"><integer name="shape_index" value="3000000000"/></shape>',
+            '"shape_index" must be between 0 and 2147483647, not 3000000000',
+        ),
+    ],
+)
+def test_refused_values(tmp_path: Path, body: str, message: str) -> None:
+    assert message in error_of(tmp_path, body)
+
+
+CHECKERBOARD = '<texture type="checkerboard" name="eta"/>'
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ('<shape type=""/>', "the type of <shape> is empty"),
+        (
+            SPHERE.format(f'<bsdf type="conductor">{CHECKERBOARD}<float name="ext_eta" value="1.3"/></bsdf>'),
+            '"eta" of bsdf "conductor" is a texture, which is not divided by "ext_eta"',
+        ),
+        (
+            SPHERE.format(
+                '<bsdf type="twosided"><bsdf type="diffuse"/>'
+                '<bsdf type="mask"><bsdf type="diffuse"/></bsdf></bsdf>'
+            ),
+            "have different holes",
+        ),
+        (
+            SPHERE.format('<bsdf type="difuse"><float name="shine" value="1"/></bsdf>'),
+            'no use for the property "shine"',
+        ),
+    ],
+)
+def test_told_and_rendered_otherwise(tmp_path: Path, body: str, message: str) -> None:
+    assert message in "\n".join(messages(read(tmp_path, body), tmp_path))
+
+
+def test_other_plugins_properties_are_not_told_one_by_one(tmp_path: Path) -> None:
+    body = SPHERE.format('<bsdf type="principled"><float name="metallic" value="1"/></bsdf>')
+    assert len(messages(read(tmp_path, body), tmp_path)) == 1

@@ -14,7 +14,7 @@ from .files import find_file
 from .nodes import Node
 from .plugins import READER_PLUGINS
 from .schema import CHILDREN, HARMLESS, Content, Plugin, Schema, Slot, fields_of
-from .substitutes import DROPPED, NESTED, substitute_for
+from .substitutes import DROPPED, NESTED, misspelt, substitute_for
 
 
 def plugins_by_kind(schema: Schema) -> dict[str, dict[str, Plugin]]:
@@ -104,17 +104,18 @@ class Builder:
                 name, used = DROPPED, "it is left out"
             else:
                 used = f"the {nested} inside it is used"
-        if node.plugin:
+        if node.plugin:  # where there is none, that was told
             hint = did_you_mean(node.plugin, names, limit=0) if name is DROPPED else ""
-            message = f'there is no {node.kind} "{node.plugin}"; {used}{hint}'
-            self.diagnostics.unknown(message, node.plugin_location)
+            self.diagnostics.unknown(f"there is no {node}; {used}{hint}", node.plugin_location)
         if name is DROPPED:
             return None
         if name is NESTED and nested is not None:
             return self.construct(nested)
         plugin = names[name]
-        known = {f.name for f in plugin.fields}
-        kept = [p for p in node.properties if p.name in known or _is_child(p.value, plugin)]
+        kept = node.properties
+        if name != misspelt(node, names):  # what another plugin has is no mistake of the file's
+            known = {f.name for f in plugin.fields}
+            kept = [p for p in kept if p.name in known or _is_child(p.value, plugin)]
         return self.construct(
             Node(node.kind, plugin.name, node.location, node.plugin_location, properties=kept)
         )

@@ -14,6 +14,7 @@ from .ior import index_of_refraction
 from .nodes import Blackbody, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
 from .schema import Content, Field
 from .spectra import read_spd, to_rgb
+from .transforms import checked_matrix
 
 if TYPE_CHECKING:
     from .build import Builder
@@ -54,9 +55,10 @@ def _float(builder: Builder, owner: Node, prop: Property, field: Field) -> float
 
 def _integer(builder: Builder, owner: Node, prop: Property, field: Field) -> int | None:
     value = prop.value
-    if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value):
+    if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return int(_in_range(int(value), prop, field))
+    whole = int(_in_range(value, prop, field)) if math.isfinite(value) else None
+    return whole if whole == value else None
 
 
 def _in_range(value: float, prop: Property, field: Field) -> float:
@@ -65,11 +67,11 @@ def _in_range(value: float, prop: Property, field: Field) -> float:
         wanted = (
             "finite"
             if not math.isfinite(value)
-            else f"at least {low:g}"
+            else f"at least {low:.10g}"
             if math.isinf(high)
-            else f"between {low:g} and {high:g}"
+            else f"between {low:.10g} and {high:.10g}"
         )
-        raise SceneError(f'"{prop.name}" must be {wanted}, not {value:g}', prop.location)
+        raise SceneError(f'"{prop.name}" must be {wanted}, not {value:.10g}', prop.location)
     return value
 
 
@@ -108,14 +110,17 @@ def _vector(builder: Builder, owner: Node, prop: Property, field: Field) -> tupl
 
 
 def _transform(builder: Builder, owner: Node, prop: Property, field: Field) -> np.ndarray | None:
-    value = prop.value
-    if not isinstance(value, np.ndarray) or value.shape != (4, 4):
+    try:
+        value = np.asarray(getattr(prop.value, "matrix", prop.value), dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
         return None
-    if field.name != "to_uv":
-        return value
+    if value.shape not in ((4, 4), (3, 3)):
+        return None
+    if field.name != "to_uv" and value.shape == (4, 4):
+        return checked_matrix(value, prop.location)
     matrix = np.eye(4)  # texture space has two dimensions: z takes no part
-    matrix[:2, :2], matrix[:2, 3] = value[:2, :2], value[:2, 3]
-    return matrix
+    matrix[:2, :2], matrix[:2, 3] = value[:2, :2], value[:2, -1]
+    return checked_matrix(matrix, prop.location)
 
 
 def _spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:

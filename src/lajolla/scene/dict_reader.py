@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +13,10 @@ import numpy as np
 from .errors import Location, SceneError, Source, did_you_mean, nearest
 from .expand import LATEST
 from .literals import Text, checked_spectrum, parse_rgb
-from .nodes import KINDS, Blackbody, Node, Property, Reference, Rgb, Spectrum, SpectrumFile, Value, Vector
+from .nodes import KINDS, Node, Property, Reference, Rgb, Spectrum, SpectrumFile, Value, Vector
 from .resolve import MAX_NESTING
 from .schema import Content, Plugin
 from .substitutes import SUBSTITUTES
-from .transforms import checked_matrix
 from .typed import Tree
 
 
@@ -68,12 +68,14 @@ class _DictReader:
         if isinstance(entry, bool | np.bool_):
             return bool(entry)
         if isinstance(entry, int | np.integer):
+            if abs(int(entry)) > sys.float_info.max:
+                raise SceneError("the number is too large", location)
             return int(entry)
         if isinstance(entry, float | np.floating):
             return float(entry)
         if isinstance(entry, str | Path):
             return str(entry)
-        return _array_value(entry, location)
+        return _array_value(entry)
 
     def typed(self, entry: Mapping[str, Any], path: list[str]) -> Value:
         """A colour, a reference, or an object, by its "type"."""
@@ -87,8 +89,6 @@ class _DictReader:
             return _rgb(entry["value"], location, srgb=kind_of_value == "srgb")
         if kind_of_value == "spectrum":
             return _spectrum(entry, location)
-        if kind_of_value == "blackbody" and isinstance(entry.get("temperature"), int | float):
-            return Blackbody(float(entry["temperature"]), float(entry.get("scale", 1.0)))
         name = str(entry.get("id", path[0] if len(path) == 1 else ""))
         kind = self.kind(kind_of_value, path[-1], location)
         node = Node(kind, kind_of_value, location, location, name)
@@ -111,30 +111,26 @@ class _DictReader:
         raise SceneError(f'there is no plugin "{plugin}"{hint}', location)
 
 
-def _array_value(entry: Content, location: Location) -> Value:
-    """Three numbers are a vector, a 4x4 (or 3x3, of texture space) matrix a transform; other objects stay."""
-    matrix = getattr(entry, "matrix", entry)
+def _array_value(entry: Content) -> Value:
+    """Three numbers are a vector; other objects stay, for the field that takes them to judge."""
     try:
-        array = np.asarray(matrix, dtype=np.float64)
-    except (TypeError, ValueError):
+        array = np.asarray(entry, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
         return entry
     if array.shape == (3,):
         return Vector((float(array[0]), float(array[1]), float(array[2])))
-    if array.shape == (4, 4):
-        return checked_matrix(array, location)
-    if array.shape == (3, 3):
-        embedded = np.eye(4)
-        embedded[:2, :2], embedded[:2, 3] = array[:2, :2], array[:2, 2]
-        return checked_matrix(embedded, location)
     return entry
 
 
 def _rgb(value: Content, location: Location, *, srgb: bool) -> Rgb:
-    text = (
-        value
-        if isinstance(value, str)
-        else " ".join(repr(float(v)) for v in np.ravel(np.asarray(value, float)))
-    )
+    try:
+        text = (
+            value
+            if isinstance(value, str)
+            else " ".join(map(repr, np.ravel(np.asarray(value, float)).tolist()))
+        )
+    except (TypeError, ValueError, OverflowError):
+        raise SceneError("a colour is one number or three", location) from None
     return parse_rgb(Text(text, location), srgb=srgb)
 
 
@@ -142,14 +138,14 @@ def _spectrum(entry: Mapping[str, Any], location: Location) -> Value:
     if isinstance(entry.get("filename"), str):
         return SpectrumFile(entry["filename"])
     value = entry.get("value")
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return Spectrum((float(value),))
     try:
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return Spectrum((float(value),))
         samples = np.asarray(value, dtype=np.float64)
         wavelengths = samples[:, 0] if "wavelengths" not in entry else np.asarray(entry["wavelengths"], float)
         values = samples[:, 1] if "wavelengths" not in entry else samples
         return checked_spectrum(tuple(map(float, wavelengths)), tuple(map(float, values)), location)
-    except (TypeError, ValueError, IndexError):
+    except (TypeError, ValueError, IndexError, OverflowError):
         raise SceneError(
             'a spectrum needs a "value": a number or (wavelength, value) pairs', location
         ) from None

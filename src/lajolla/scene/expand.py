@@ -105,9 +105,11 @@ class _Expander:
         unknown = [
             key for key, text in element.attributes.items() if "$" in text and not self._fill(element, key)
         ]
-        for key in unknown:
-            if key == "type":
-                element.attributes["type"] = ""
+        if "type" in unknown:
+            element.attributes["type"] = ""
+        elif not element.attributes.get("type", "?").strip():
+            message = f"the type of <{element.tag}> is empty; the default is used, or nothing without one"
+            self.diagnostics.unknown(message, element.at("type"))
         return not [key for key in unknown if key != "type"]
 
     def _fill(self, element: Element, attribute: str) -> bool:

@@ -107,6 +107,11 @@ class Node:
         """The property of that name; the last one if it was given twice."""
         return next((p for p in reversed(self.properties) if p.name == name), None)
 
+    def property_location(self, name: str) -> Location:
+        """The place of a property's value; that of the node when the property is absent."""
+        prop = self.find(name)
+        return prop.location if prop else self.location
+
     def children(self, *kinds: str) -> Iterator[tuple[Property, Node]]:
         """The child nodes of these kinds in order, each with the property that holds it."""
         for prop in self.properties:

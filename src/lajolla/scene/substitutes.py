@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Iterable
 
 from .errors import nearest
 from .nodes import Node
@@ -64,14 +64,18 @@ OTHERWISE = {
 }
 
 
+def misspelt(node: Node, available: Iterable[str]) -> str | None:
+    """The name that an unknown one is taken for; integrators and samplers have names that only look alike."""
+    if not node.plugin or node.kind in ("integrator", "sampler"):
+        return None
+    return nearest(node.plugin, [*available, *SUBSTITUTES.get(node.kind, {})])
+
+
 def substitute_for(node: Node, available: Iterable[str]) -> str:
     """The name of an available plugin to use for an unknown one, or NESTED, or DROPPED."""
     rows = SUBSTITUTES.get(node.kind, {})
     default = OTHERWISE.get(node.kind, DROPPED)
-    names: Container[str] = set(available)
-    name = rows.get(node.plugin.lower())
-    if name is None and node.plugin and node.kind not in ("integrator", "sampler"):
-        name = nearest(node.plugin, [*available, *rows])
-        name = rows.get(name, name) if name else None
-    name = name or default
+    names = set(available)
+    name = rows.get(node.plugin.lower()) or misspelt(node, names) or default
+    name = rows.get(name, name)
     return name if name in (DROPPED, NESTED) or name in names else (default if default in names else DROPPED)

@@ -46,8 +46,13 @@ def _rough_plastic(builder: Builder, node: Node, values: dict[str, Any]) -> dict
 def _conductor(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     eta, k = _named_conductor(node, values.pop("material", "none"))
     ext_eta = values.pop("ext_eta", 1.0)
+    if ext_eta <= 0:
+        raise SceneError(f'"ext_eta" must be above zero, not {ext_eta:g}', node.property_location("ext_eta"))
     for name, value in (("eta", values.get("eta", eta)), ("k", values.get("k", k))):
         values[name] = value if isinstance(value, dict) else tuple(v / ext_eta for v in value)
+        if isinstance(value, dict) and ext_eta != 1:
+            message = f'"{name}" of {node} is a texture, which is not divided by "ext_eta"'
+            builder.diagnostics.warn(message, node.property_location(name))
     return {"type": "conductor", **values}
 
 
@@ -62,9 +67,8 @@ def _named_conductor(node: Node, name: str) -> tuple[tuple[float, ...], tuple[fl
     if name.lower() == "none":
         return ((0.0,) * 3, (1.0,) * 3)
     if name.lower() not in by_lower:
-        prop = node.find("material")
         hint = did_you_mean(name, [*CONDUCTORS, "none"])
-        raise SceneError(f'no conductor is called "{name}"{hint}', prop.location if prop else node.location)
+        raise SceneError(f'no conductor is called "{name}"{hint}', node.property_location("material"))
     return by_lower[name.lower()]
 
 
@@ -80,6 +84,10 @@ def _two_sided(builder: Builder, node: Node, values: dict[str, Any]) -> Slot | N
             f"{node} cannot hold a bsdf that lets light through; it is used alone", node.location
         )
         return front
+    if (back.opacity, back.opacity_texture) != (front.opacity, front.opacity_texture):
+        builder.diagnostics.warn(
+            f"the sides of {node} have different holes; those of the front count", node.location
+        )
     return Slot(front.front, back.front, front.opacity, front.opacity_texture)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SceneError
@@ -71,6 +72,8 @@ VALUES = Field("values", "string", "samples")
 WAVELENGTH_MIN = Field("wavelength_min", "float", "first wavelength", 360.0, unit="nm")
 WAVELENGTH_MAX = Field("wavelength_max", "float", "last wavelength", 830.0, unit="nm")
 RANGE = (WAVELENGTH_MIN, WAVELENGTH_MAX)
+FIRST = replace(WAVELENGTH_MIN, doc="first wavelength; required", default=None)
+LAST = replace(WAVELENGTH_MAX, doc="last wavelength; required", default=None)
 TEMPERATURE = Field("temperature", "float", "of the black body", None, 1.0, unit="K")
 RAW = Field("value", "spectrum", "linear sRGB")
 
@@ -86,7 +89,7 @@ PLUGINS = (
     Plugin("texture", "rawconstant", "A colour, taken as it is.", (RAW,), _colour("value")),
     Plugin("texture", "d65", "A colour under daylight.", (SCALE, COLOR), _d65, ("texture",)),
     Plugin("texture", "blackbody", "Planck's law.", (TEMPERATURE, SCALE), _blackbody),
-    Plugin("texture", "regular", "Samples at regular wavelengths.", (VALUES, *RANGE), _regular),
+    Plugin("texture", "regular", "Samples at regular wavelengths.", (VALUES, FIRST, LAST), _regular),
     Plugin(
         "texture",
         "irregular",

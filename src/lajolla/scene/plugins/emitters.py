@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def _envmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    del values["filename"]
+    values.pop("filename", None)
     path, location = builder.find(node)
     key = ("envmap", path.resolve())
     if key not in builder.files:

@@ -65,7 +65,9 @@ def _independent(builder: Builder, node: Node, values: dict[str, Any]) -> dict[s
     return {"type": "independent", "sample_count": 4, **values}
 
 
-FOCAL_LENGTH = Field("focal_length", "string", "instead of fov, on 35 mm film", "50mm")
+FOCAL_LENGTH = Field(
+    "focal_length", "string", "instead of fov, on 35 mm film; counts where neither is given", "50mm"
+)
 LOW_DISCREPANCY = ("stratified", "multijitter", "ldsampler", "orthogonal", "halton", "hammersley")
 PIXELS = "pixels"
 FILM_FIELDS = (

@@ -85,7 +85,7 @@ SMOOTH = Field(
     180.0,
     "degrees",
 )
-INDEX = Field("shape_index", "integer", "which mesh of the file", 0, 0)
+INDEX = Field("shape_index", "integer", "which mesh of the file", 0, 0, 2**31 - 1)
 
 
 def _file_plugin(name: str, doc: str, flip: bool, *fields: Field) -> Plugin:

@@ -1,0 +1,85 @@
+"""Values in Python dicts: what every one of them becomes, and how impossible ones are refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lajolla
+from lajolla.scene import describe
+
+HUGE = 10**400  # more than a float holds
+NAN, INFINITY = float("nan"), float("inf")
+
+
+def scene_with(**objects: object) -> dict[str, Any]:
+    return {"type": "scene", "integrator": {"type": "path"}, "sensor": {"type": "perspective"}, **objects}
+
+
+def lit_by(radiance: object) -> dict[str, Any]:
+    return scene_with(light={"type": "constant", "radiance": radiance})
+
+
+def seen_by(**sensor: object) -> dict[str, Any]:
+    return scene_with(sensor={"type": "perspective", **sensor})
+
+
+def sampled(count: object) -> dict[str, Any]:
+    return seen_by(sampler={"type": "independent", "sample_count": count})
+
+
+@pytest.mark.parametrize(
+    ("scene", "message"),
+    [
+        (sampled(NAN), '"sample_count" of sampler "independent" expects a whole number'),
+        (sampled(INFINITY), '"sample_count" of sampler "independent" expects a whole number'),
+        (sampled(2.5), '"sample_count" of sampler "independent" expects a whole number'),
+        (sampled(HUGE), "the number is too large"),
+        (sampled(10**30), '"sample_count" must be between 1 and 1073741824, not 1e+30'),
+        (seen_by(fov=HUGE), "the number is too large"),
+        (seen_by(fov=NAN), '"fov" must be finite'),
+        (seen_by(to_world=[[HUGE] * 4] * 4), '"to_world" of sensor "perspective" expects a transform'),
+        (seen_by(to_world=np.full((4, 4), NAN)), "numbers that are not finite"),
+        (seen_by(to_world=np.eye(5)), '"to_world" of sensor "perspective" expects a transform'),
+        (lit_by({"type": "rgb", "value": {"r": 1}}), "a colour is one number or three"),
+        (lit_by({"type": "rgb", "value": [HUGE, 1, 1]}), "a colour is one number or three"),
+        (lit_by({"type": "rgb", "value": [1, 1]}), "expected"),
+        (lit_by({"type": "rgb", "value": NAN}), "expected"),
+        (lit_by({"type": "spectrum", "value": HUGE}), "a spectrum needs"),
+        (lit_by({"type": "spectrum", "value": NAN}), '"radiance" of emitter "constant" must be finite'),
+        (lit_by({"type": "blackbody", "temperature": 5000, "scale": "x"}), '"scale" of texture "blackbody"'),
+        (lit_by({"type": "blackbody", "temperature": 0}), '"temperature" must be at least 1, not 0'),
+        (lit_by({"type": "blackbody", "temperature": "x"}), '"temperature" of texture "blackbody"'),
+        (lit_by({"type": "blackbody"}), 'texture "blackbody" needs "temperature"'),
+        (scene_with(integrator=5), 'a scene has no property "integrator"'),
+        ({"type": "shape"}, 'the dict must have {"type": "scene"}'),
+    ],
+)
+def test_impossible_values(scene: dict[str, Any], message: str) -> None:
+    with pytest.raises(lajolla.SceneError) as caught:
+        describe(scene, strict=True)
+    assert message in str(caught.value)
+
+
+def test_a_blackbody_is_that_of_files() -> None:
+    colour = describe(lit_by({"type": "blackbody", "temperature": 5000, "scale": 2})).core["emitters"][0]
+    single = describe(lit_by({"type": "blackbody", "temperature": 5000})).core["emitters"][0]
+    np.testing.assert_allclose(colour["radiance"], 2 * np.array(single["radiance"]))
+
+
+@pytest.mark.parametrize("size", [3, 4])
+def test_square_arrays_are_pictures_where_pictures_belong(size: int) -> None:
+    bitmap = {"type": "bitmap", "data": np.eye(size, dtype=np.float32)}
+    ball = {"type": "sphere", "bsdf": {"type": "diffuse", "reflectance": bitmap}}
+    image = describe(scene_with(ball=ball)).core["textures"][0]["image"]
+    assert (image.width, image.height) == (size, size)
+
+
+def test_matrices_of_texture_space_may_be_3x3() -> None:
+    matrix = np.array([[2, 0, 0.5], [0, 3, 0.25], [0, 0, 1]])
+    board = {"type": "checkerboard", "to_uv": matrix}
+    ball = {"type": "sphere", "bsdf": {"type": "diffuse", "reflectance": board}}
+    embedded = describe(scene_with(ball=ball)).core["textures"][0]["to_uv"]
+    np.testing.assert_array_equal(embedded, [[2, 0, 0, 0.5], [0, 3, 0, 0.25], [0, 0, 1, 0], [0, 0, 0, 1]])
