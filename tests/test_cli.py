@@ -86,6 +86,24 @@ def test_stats(capsys: Capture) -> None:
             assert stats[key] > 0
 
 
+def test_stats_into_a_device_of_a_folder_that_is_not_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda path, mode: str(path) != "/dev")
+    for device in ("/dev/null", "/dev/stdout", "/dev/stderr"):
+        assert cli.main(["render", "room.xml", "-o", "a.pfm", "--quiet", "--stats", device]) == 0
+
+
+def test_an_output_named_twice_is_written_once(capsys: Capture) -> None:
+    assert cli.main("render room.xml -o a.pfm -o a.pfm -o ./a.pfm".split()) == 0
+    assert "wrote a.pfm (" in capsys.readouterr().err
+
+
+def test_what_a_format_cannot_hold_is_told_once(capsys: Capture) -> None:
+    assert cli.main("render room.xml -o a.exr -o a.png --half --quiet -D level=1e6".split()) == 0
+    error = capsys.readouterr().err
+    assert error.startswith("lajolla: warning: a.exr: ")
+    assert len(error.splitlines()) == 1
+
+
 def test_stats_into_a_pipe() -> None:
     os.mkfifo("pipe")
     reader = subprocess.Popen(["cat", "pipe"], stdout=subprocess.PIPE)
@@ -136,6 +154,7 @@ def test_pixel(capsys: Capture) -> None:
         ("render missing.xml", "missing.xml"),
         ("check missing.xml", "missing.xml"),
         ("compare a.exr room.xml", "a.exr: no such file"),
+        ("compare /dev/null room.xml", "/dev/null: not a file"),
         ("compare room.xml room.xml", "room.xml: cannot be read as a picture"),
         ("compare a.exr b.exr --diff d.exr", "PNG or JPEG"),
         ("list bsfd", "no kind 'bsfd' of plugins; did you mean 'bsdf'?"),
@@ -300,3 +319,10 @@ def test_a_closed_pipe_is_no_traceback() -> None:
     result = subprocess.run(pipeline, shell=True, capture_output=True, text=True, timeout=60, check=False)
     assert result.stderr == ""
     assert len(result.stdout.splitlines()) == 1
+
+
+def test_list_shows_what_is_required(capsys: Capture) -> None:
+    assert cli.main(["list", "texture", "regular"]) == 0
+    assert "830" not in capsys.readouterr().out
+    assert cli.main(["list", "sensor", "perspective"]) == 0
+    assert "counts where neither is given" in capsys.readouterr().out

@@ -96,9 +96,12 @@ def test_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.Mon
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("ending", [".exr", ".hdr", ".pfm", ".png"])
-def test_full_disk_is_an_error(tmp_path: Path, picture: image.FloatImage, ending: str) -> None:
+def test_full_disk_is_an_error(
+    tmp_path: Path, picture: image.FloatImage, ending: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # The temporary file is a link to a device that is always full.
-    (tmp_path / f".a.{os.getpid()}{ending}").symlink_to("/dev/full")
+    monkeypatch.setattr(image.secrets, "token_hex", lambda size: "00")
+    (tmp_path / f".{os.getpid()}-00{ending}").symlink_to("/dev/full")
     with pytest.raises(image.ImageError, match=f"a{ending}"):
         image.write(tmp_path / f"a{ending}", picture)
     assert list(tmp_path.iterdir()) == []
@@ -107,7 +110,43 @@ def test_full_disk_is_an_error(tmp_path: Path, picture: image.FloatImage, ending
 def test_no_space_is_said_before_writing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(image.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 0}))
     with pytest.raises(image.ImageError, match="no space left"):
-        image.write(tmp_path / "a.jpg", np.zeros((2, 2, 3)))
+        image.write(tmp_path / "a.jpg", np.zeros((2, 2, 3)))  # libjpeg would end the process
+    with pytest.raises(image.ImageError, match=r"no space left on the disk; the picture may need 11\.5 MiB"):
+        image.check_space(tmp_path / "a.exr", 1000, 1000)
+    image.write(tmp_path / "a.exr", np.zeros((2, 2, 3)))  # may be compressed
+
+
+def test_long_names(tmp_path: Path) -> None:
+    name = "a" * 251 + ".exr"  # as long as names may be
+    image.write(tmp_path / name, np.ones((2, 2, 3)))
+    assert [entry.name for entry in tmp_path.iterdir()] == [name]
+    with pytest.raises(image.ImageError, match="File name too long"):
+        image.check_output(tmp_path / f"a{name}")
+
+
+def test_half_and_rgbe_are_clamped(tmp_path: Path) -> None:
+    values = np.array([[[-1e6, 1e6, 0.5], [3e38, 0.5, -0.5]]], np.float32)
+    with pytest.warns(image.ImageWarning, match=r"a.exr: 3 values outside of -65504 to 65504 clamped"):
+        image.write(tmp_path / "a.exr", values, half=True)
+    np.testing.assert_array_equal(image.read(tmp_path / "a.exr"), np.clip(values, -65504, 65504))
+    with pytest.warns(image.ImageWarning, match=r"a.hdr: 3 values outside of 0 to 1.69e\+38 clamped"):
+        image.write(tmp_path / "a.hdr", values)
+    stored = image.read(tmp_path / "a.hdr")
+    np.testing.assert_allclose(stored.max(axis=2), [[1e6, 1.69e38]], rtol=0.01)
+    assert stored.min() == 0
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_is_not_finite_has_a_colour() -> None:
+    values = np.array([[[np.nan, np.inf, -np.inf], [3e38, 1, 0]]])
+    assert image.tone_map(values, 100).tolist() == [[[0, 255, 0], [255, 255, 0]]]
+    assert image.tone_map(values, -100).tolist() == [[[0, 255, 0], [255, 0, 0]]]
+
+
+@pytest.mark.parametrize("exposure", [1e9, -101, float("nan"), float("inf")])
+def test_impossible_exposures(tmp_path: Path, exposure: float) -> None:
+    with pytest.raises(image.ImageError, match="exposure must be from -100 to 100, not"):
+        image.Image(np.ones((1, 1, 3))).save(tmp_path / "a.png", exposure=exposure)
 
 
 def test_links_stay_links(tmp_path: Path) -> None:
@@ -135,7 +174,9 @@ def test_truncated_files_are_errors(tmp_path: Path, picture: image.FloatImage, e
         image.read(path)
 
 
-def test_missing_file() -> None:
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(image.ImageError, match="not a file"):
+        image.read(tmp_path)
     with pytest.raises(image.ImageError, match="no such file"):
         image.read("nowhere.exr")
 

@@ -10,10 +10,11 @@ import os
 import resource
 import signal
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from lajolla import _core, image
 from lajolla.arguments import UsageError, parse, replay_command
@@ -78,11 +79,12 @@ def open_scene(arguments: argparse.Namespace) -> Scene:
 
 
 def command_render(arguments: argparse.Namespace) -> int:
-    outputs = arguments.outputs or [Path(arguments.scene.stem + ending) for ending in (".exr", ".png")]
+    named = arguments.outputs or [Path(arguments.scene.stem + ending) for ending in (".exr", ".png")]
+    outputs = list(dict.fromkeys(named))
     if arguments.pixel is None:  # what would fail after hours of rendering fails now
         for output in outputs:
             image.check_output(output)
-        if arguments.stats is not None:
+        if arguments.stats is not None and not _is_device(arguments.stats):
             image.check_folder(arguments.stats)
     scene = open_scene(arguments)
     for warning in scene.warnings:
@@ -90,6 +92,8 @@ def command_render(arguments: argparse.Namespace) -> int:
     if arguments.pixel is not None:
         print(*scene.radiance(*arguments.pixel, arguments.sample))
         return 0
+    for output in outputs:
+        image.check_space(output, scene.width, scene.height)
     rendering = scene.rendering(threads=arguments.threads)
     interrupt = _run(rendering, scene, quiet=arguments.quiet)
     if rendering.samples == 0 and interrupt is not None:
@@ -120,11 +124,15 @@ def _run(rendering: Rendering, scene: Scene, *, quiet: bool) -> KeyboardInterrup
 def _write_outputs(outputs: Sequence[Path], picture: image.Image, arguments: argparse.Namespace) -> None:
     """Writes all that can be written, then raises the first error."""
     errors = []
-    for output in outputs:
-        try:
-            picture.save(output, exposure=arguments.exposure, half=arguments.half)
-        except image.ImageError as error:
-            errors.append(error)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", image.ImageWarning)
+        for output in outputs:
+            try:
+                picture.save(output, exposure=arguments.exposure, half=arguments.half)
+            except image.ImageError as error:
+                errors.append(error)
+    for warning in told:
+        say(f"warning: {warning.message}")
     if errors:
         raise errors[0]
 
@@ -167,11 +175,20 @@ def statistics(scene: Scene, rendering: Rendering) -> dict[str, Any]:
     }
 
 
+STREAMS = {"/dev/stdout": "stdout", "/dev/stderr": "stderr"}
+
+
+def _is_device(path: Path) -> bool:
+    """Whether this is a pipe, a terminal or the like, which is written to instead of replaced."""
+    return str(path) in STREAMS or (path.exists() and not path.is_file() and not path.is_dir())
+
+
 def _write_stats(path: Path, stats: dict[str, Any]) -> None:
     text = json.dumps(stats, indent=2) + "\n"
-    if str(path) == "/dev/stdout":
-        sys.stdout.write(text)
-    elif path.exists() and not path.is_file():  # a pipe or a device cannot be replaced
+    if str(path) in STREAMS:  # opening these anew would cut off a file that they lead to
+        stream: TextIO = getattr(sys, STREAMS[str(path)])
+        stream.write(text)
+    elif _is_device(path):
         path.write_text(text)
     else:
         with image.replacing(path) as temporary:

@@ -1,8 +1,10 @@
 """Pictures in and out: float32 arrays of linear RGB, files by way of OpenImageIO, and error measures."""
 
 import os
+import secrets
 import shutil
 import tempfile
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,11 +18,19 @@ from numpy.typing import ArrayLike, NDArray
 FloatImage = NDArray[np.float32]
 
 HIGH_RANGE = (".exr", ".hdr", ".pfm")
-LOW_RANGE = (".png", ".jpg", ".jpeg")
+JPEG = (".jpg", ".jpeg")
+LOW_RANGE = (".png", *JPEG)
+MAX_EXPOSURE = 100.0  # stops
+MAX_HALF = 65504.0  # the largest finite 16-bit float
+MAX_RGBE = float(np.float32(1.69e38))  # larger numbers wrap around in OpenImageIO's encoder
 
 
 class ImageError(Exception):
     """A picture that cannot be read, written or compared; the message names the file and the reason."""
+
+
+class ImageWarning(UserWarning):
+    """A picture that is not written as it is; the message names the file and the reason."""
 
 
 class Image:
@@ -61,9 +71,12 @@ def decode_srgb(encoded: ArrayLike) -> FloatImage:
 
 
 def tone_map(linear: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
-    """Linear radiance times 2^exposure as 8-bit sRGB."""
-    scaled = np.asarray(linear, np.float32) * np.float32(2.0**exposure)
-    return np.rint(255 * encode_srgb(scaled)).astype(np.uint8)
+    """Linear radiance times 2^exposure as 8-bit sRGB; NaN is black and infinity white. Raises ImageError."""
+    if not abs(exposure) <= MAX_EXPOSURE:
+        raise ImageError(f"exposure must be from {-MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}, not {exposure}")
+    with np.errstate(over="ignore"):
+        scaled = np.asarray(linear, np.float32) * np.float32(2.0**exposure)
+    return np.rint(255 * encode_srgb(np.where(np.isnan(scaled), 0, scaled))).astype(np.uint8)
 
 
 def read(path: str | os.PathLike[str]) -> FloatImage:
@@ -74,7 +87,7 @@ def read(path: str | os.PathLike[str]) -> FloatImage:
     """
     path = Path(path)
     if not path.is_file():
-        raise ImageError(f"{path}: no such file")
+        raise ImageError(f"{path}: {'not a file' if path.exists() else 'no such file'}")
     config = oiio.ImageSpec()
     config.attribute("pnm:pfmflip", 0)
     source = oiio.ImageInput.open(str(path), config)
@@ -112,24 +125,48 @@ def check_folder(path: Path) -> None:
     folder = path.resolve().parent
     if not folder.is_dir():
         raise ImageError(f"{path}: there is no folder {folder}")
-    if path.is_dir():
-        raise ImageError(f"{path}: is a folder")
+    try:
+        if path.is_dir():
+            raise ImageError(f"{path}: is a folder")
+    except OSError as error:  # the name is too long
+        raise ImageError(f"{path}: {error.strerror}") from error
     if not os.access(folder, os.W_OK):
         raise ImageError(f"{path}: the folder {folder} is not writable")
+
+
+def check_space(path: Path, width: int, height: int) -> None:
+    """Raises ImageError when the disk may be too full for a picture, which compression could make smaller."""
+    channel = 1 if path.suffix.lower() in LOW_RANGE else 4  # bytes
+    needed = 3 * width * height * channel + 65536
+    if shutil.disk_usage(path.resolve().parent).free < needed:
+        raise ImageError(f"{path}: no space left on the disk; the picture may need {needed / 2**20:.1f} MiB")
 
 
 def write(path: Path, array: ArrayLike, *, exposure: float = 0.0, half: bool = False) -> None:
     """Writes linear RGB of shape (height, width, 3) in the format of the file's ending.
 
     EXR (32-bit, or 16-bit with `half`), HDR and PFM hold the values themselves; PNG and JPEG hold 8-bit sRGB
-    of the values times 2^exposure. The file appears complete or not at all. Raises ImageError.
+    of the values times 2^exposure. The file appears complete or not at all. Raises ImageError; what the
+    format cannot hold is clamped, with an ImageWarning.
     """
     check_output(path)
     linear = np.asarray(array, np.float32)
-    if path.suffix.lower() in LOW_RANGE:
+    ending = path.suffix.lower()
+    if ending in LOW_RANGE:
         write_encoded(path, tone_map(linear, exposure))
+    elif half and ending == ".exr":
+        write_encoded(path, _clamped(path, linear, -MAX_HALF, MAX_HALF), pixel_type="half")
     else:
-        write_encoded(path, linear, pixel_type="half" if half and path.suffix.lower() == ".exr" else "float")
+        linear = _clamped(path, linear, 0.0, MAX_RGBE) if ending == ".hdr" else linear
+        write_encoded(path, linear, pixel_type="float")
+
+
+def _clamped(path: Path, linear: FloatImage, low: float, high: float) -> FloatImage:
+    count = np.count_nonzero((linear < low) | (linear > high))
+    if count:
+        message = f"{path}: {count} value{'s' if count > 1 else ''} outside of {low:g} to {high:g} clamped"
+        warnings.warn(message, ImageWarning, stacklevel=4)
+    return np.clip(linear, low, high)
 
 
 def write_encoded(path: Path, pixels: NDArray[Any], *, pixel_type: str = "uint8") -> None:
@@ -144,9 +181,8 @@ def write_encoded(path: Path, pixels: NDArray[Any], *, pixel_type: str = "uint8"
         spec.attribute("oiio:ColorSpace", "sRGB")
         spec.attribute("CompressionQuality", 95)
     with replacing(path) as temporary:
-        # libjpeg ends the process when the disk is full: ask before.
-        if shutil.disk_usage(temporary.parent).free < height * width * channels * spec.format.size() + 65536:
-            raise ImageError(f"{path}: no space left on the disk")
+        if path.suffix.lower() in JPEG:  # libjpeg ends the process when the disk is full: ask before
+            check_space(path, width, height)
         output = oiio.ImageOutput.create(str(temporary))
         if output is None:
             raise ImageError(f"{path}: {_first_line(oiio.geterror())}")
@@ -161,7 +197,7 @@ def write_encoded(path: Path, pixels: NDArray[Any], *, pixel_type: str = "uint8"
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path of the same ending that takes the place of `path` when the block succeeds."""
     target = path.resolve()  # a symbolic link stays a link
-    temporary = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
+    temporary = target.with_name(f".{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
     try:
         yield temporary
         with open(temporary, "rb+") as file:
