@@ -143,7 +143,7 @@ def test_what_is_not_finite_has_a_colour() -> None:
     assert image.tone_map(values, -100).tolist() == [[[0, 255, 0], [255, 0, 0]]]
 
 
-@pytest.mark.parametrize("exposure", [1e9, -101, float("nan"), float("inf")])
+@pytest.mark.parametrize("exposure", [1e9, -101, float("nan"), float("inf"), "1"])
 def test_impossible_exposures(tmp_path: Path, exposure: float) -> None:
     with pytest.raises(image.ImageError, match="exposure must be from -100 to 100, not"):
         image.Image(np.ones((1, 1, 3))).save(tmp_path / "a.png", exposure=exposure)

@@ -285,7 +285,7 @@ def test_what_is_no_file(path: str) -> None:
         ),
         (SPHERE.format('\n<bsdf type="dielectric"><float name="int_ior" value="0"/></bsdf>'), 4, "int_ior"),
         ('<emitter type="constant"/>\n<emitter type="constant"/>', 4, "one environment light"),
-        ('<shape type="cylinder"><float name="radius" value="0"/></shape>', 3, "radius above zero"),
+        ('<shape type="cylinder"><float name="radius" value="0"/></shape>', 3, "error: a cylinder needs"),
     ],
 )
 def test_refusals_of_the_core_have_a_place(tmp_path: Path, body: str, line: int, message: str) -> None:

@@ -1,5 +1,7 @@
 """The progressive driver: options, passes, interruption; pictures depend on scene and seed alone."""
 
+from concurrent.futures import Future, wait
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -186,6 +188,28 @@ def test_a_rendering_interrupted_in_a_pass_goes_on(monkeypatch: pytest.MonkeyPat
     np.testing.assert_array_equal(rendering.image().array, scene.render(seed=1).array)
 
 
+def test_a_rendering_interrupted_after_a_pass_goes_on(
+    scene: lajolla.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pass ends between the look at it and the interruption."""
+    rendering = scene.rendering(spp=8, seed=1)
+
+    def late(tasks: list[Future[bool]], timeout: float) -> SimpleNamespace:
+        wait(tasks)
+        return SimpleNamespace(done=set())
+
+    def interrupt(progress: Progress) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("lajolla.render.wait", late)
+        with pytest.raises(KeyboardInterrupt):
+            rendering.run(interrupt)
+    assert rendering.samples == 1
+    rendering.run()
+    np.testing.assert_array_equal(rendering.image().array, scene.render(spp=8, seed=1).array)
+
+
 def test_a_cancelled_pass_ends_the_run(scene: lajolla.Scene) -> None:
     rendering = scene.rendering(spp=4)
 
@@ -205,6 +229,8 @@ def test_radiance_counts_pixels_from_the_films_corner() -> None:
     scene = lajolla.load_dict(SCENE, crop=(5, 4, 6, 4))
     picture = scene.render().array
     np.testing.assert_allclose(scene.radiance(8, 6), picture[2, 3], rtol=1e-5)
+    with pytest.raises(lajolla.OptionError, match=r"x must be a whole number, not 8\.5"):
+        scene.radiance(8.5, 6)
     for x, y in ((4, 4), (5, 3), (11, 4), (5, 8)):
         with pytest.raises(lajolla.OptionError, match="6 x 4, which begins at 5,4"):
             scene.radiance(x, y)

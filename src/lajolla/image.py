@@ -72,7 +72,7 @@ def decode_srgb(encoded: ArrayLike) -> FloatImage:
 
 def tone_map(linear: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
     """Linear radiance times 2^exposure as 8-bit sRGB; NaN is black and infinity white. Raises ImageError."""
-    if not abs(exposure) <= MAX_EXPOSURE:
+    if not isinstance(exposure, int | float) or not abs(exposure) <= MAX_EXPOSURE:
         raise ImageError(f"exposure must be from {-MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}, not {exposure}")
     with np.errstate(over="ignore"):
         scaled = np.asarray(linear, np.float32) * np.float32(2.0**exposure)

@@ -168,7 +168,9 @@ class Rendering:
                         observe(Progress(done, self.spp, self.seconds + time.perf_counter() - start))
                 except BaseException:
                     self.accumulator.cancel()
-                    raise  # when the running pass has stopped, for which the worker's block waits
+                    if task.result():  # it had ended already, and the next pass would be cancelled instead
+                        self.accumulator.add(self.samples, 1, self.threads)
+                    raise
                 if not task.result():
                     raise RuntimeError("the rendering was cancelled")
                 self.seconds += time.perf_counter() - start
@@ -245,6 +247,8 @@ class Scene:
         The pixel is counted from the film's corner, whatever the crop window. Unlike in a picture, values
         that are not finite stay what they are. Raises OptionError outside of the picture.
         """
+        _check_range("x", x, 0, MAX_SIZE)
+        _check_range("y", y, 0, MAX_SIZE)
         left, top = self.core.crop_offset
         if not (left <= x < left + self.width and top <= y < top + self.height):
             begin = f", which begins at {left},{top}" if left or top else ""

@@ -45,11 +45,10 @@ class Description:
         Args:
             problem: a `_core.DescriptionError`; its text begins with the entry, as in "shapes[3]: ...".
         """
-        entry = re.match(r"\w+(\[\d+\])?", str(problem))
-        place = self.places.get(entry.group()) if entry else None
-        if place is None:
+        entry = re.match(r"(\w+(?:\[\d+\])?)(?: \(\w+\))?(?:\.|: )(.*)", str(problem), re.DOTALL)
+        if entry is None or entry[1] not in self.places:
             return SceneError(str(problem), self.places.get("scene"))
-        return SceneError(re.sub(r"^[^:]*: ", "", str(problem)), place)
+        return SceneError(entry[2], self.places[entry[1]])
 
 
 def load_description(
