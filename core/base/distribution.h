@@ -31,13 +31,12 @@ public:
             running += weights[i];
             cdf_[i + 1] = static_cast<float>(sum > 0 ? running / sum : static_cast<double>(i + 1) / count);
         }
-        // Rounding must not leave a gap below one; entries of probability zero at the end stay at one with
-        // it.
+        // Rounding must not leave a gap below one; entries of probability zero at the end stay at one too.
         if (!weights.empty()) std::replace(cdf_.begin() + 1, cdf_.end(), float(cdf_.back()), 1.0f);
         std::uint32_t entry = 0;
         for (std::size_t k = 0; k < guide_.size(); ++k) {
-            const float least = static_cast<float>(k) / size_;
-            while (cdf_[entry + 1] <= least) ++entry;
+            const auto least = static_cast<float>(static_cast<double>(k) / count);
+            while (entry + 1 < guide_.size() && cdf_[entry + 1] <= least) ++entry;
             guide_[k] = entry;
         }
     }
@@ -50,6 +49,7 @@ public:
     Sample sample(float u) const {
         std::uint32_t index = guide_[static_cast<std::uint32_t>(u * size_)];
         while (cdf_[index + 1] <= u) ++index;
+        while (cdf_[index] > u) --index; // where u * size was rounded up
         const float low = cdf_[index], p = cdf_[index + 1] - low;
         return {index, p, std::min((u - low) / p, one_minus_ulp)};
     }
@@ -91,13 +91,17 @@ public:
                 row.probability * column.probability * w * h};
     }
     float pdf(Vec2f p) const {
-        const auto w = static_cast<float>(width_), h = static_cast<float>(height_);
-        const auto x = static_cast<std::uint32_t>(std::clamp(p.x * w, 0.0f, w - 1));
-        const auto y = static_cast<std::uint32_t>(std::clamp(p.y * h, 0.0f, h - 1));
-        return marginal_.probability(y) * rows_[y].probability(x) * w * h;
+        const std::uint32_t x = cell(p.x, width_), y = cell(p.y, height_);
+        return marginal_.probability(y) * rows_[y].probability(x) * static_cast<float>(width_) *
+               static_cast<float>(height_);
     }
 
 private:
+    // The cell of a coordinate; the nearest one outside of [0,1), the first for NaN.
+    static std::uint32_t cell(float x, std::uint32_t count) {
+        return x > 0 ? static_cast<std::uint32_t>(std::min(x, one_minus_ulp) * static_cast<float>(count)) : 0;
+    }
+
     std::vector<Distribution> rows_;
     Distribution marginal_;
     std::uint32_t width_ = 0, height_ = 0;

@@ -79,6 +79,7 @@ std::shared_ptr<LoadedMesh> from_file(MeshData data) {
 }
 
 std::vector<std::byte> read_file(const std::filesystem::path &path) {
+    if (!std::filesystem::is_regular_file(path)) throw MeshError("not a file that can be read");
     std::ifstream file(path, std::ios::binary | std::ios::ate);
     const std::streamoff size = file ? static_cast<std::streamoff>(file.tellg()) : -1;
     if (size < 0) throw MeshError("cannot read the file");

@@ -1,6 +1,7 @@
 #include "python/scene.h"
 
 #include <memory>
+#include <mutex>
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
@@ -127,7 +128,7 @@ std::unique_ptr<RenderableScene> make_scene(const nb::dict &description) {
     match(sampler_model, [&](const auto &sampler) {
         result->sequence = sampler.kind;
         result->sample_count = sampler.sample_count;
-        result->seed = static_cast<std::uint32_t>(sampler.seed);
+        result->seed = sampler.seed;
     });
     result->integrator = read_variant<Integrator>(description, "integrator");
     SceneParts parts = read_parts(description);
@@ -162,11 +163,16 @@ public:
         : scene_(scene), seed_(seed.value_or(scene.seed)), sums_(3 * pixels()) {}
 
     bool add(std::uint32_t first, std::uint32_t count, int threads) {
-        std::vector<double> next = sums_;
+        const std::lock_guard one_at_a_time(adding_);
+        std::vector<double> next = sums_; // only add() writes sums_
         progress_.pixels = 0;
         const auto report = lajolla::render(*scene_.scene, scene_.integrator,
                                             {scene_.sequence, seed_, first, count, threads}, next, progress_);
-        if (!report) return false;
+        if (!report) {
+            progress_.cancelled = false;
+            return false;
+        }
+        const std::lock_guard lock(results_);
         sums_ = std::move(next);
         samples_ += count;
         rays_ += report->rays;
@@ -179,6 +185,7 @@ public:
     void cancel() { progress_.cancelled = true; }
     double progress() const { return static_cast<double>(progress_.pixels) / static_cast<double>(pixels()); }
     nb::object image() const {
+        const std::lock_guard lock(results_);
         auto values = std::make_unique<float[]>(sums_.size());
         const double scale = samples_ > 0 ? 1 / static_cast<double>(samples_) : 0;
         for (std::size_t i = 0; i < sums_.size(); ++i) values[i] = static_cast<float>(sums_[i] * scale);
@@ -189,10 +196,10 @@ public:
             data, {static_cast<std::size_t>(film.crop_height), static_cast<std::size_t>(film.crop_width), 3},
             owner));
     }
-    std::uint64_t samples() const { return samples_; }
-    std::uint64_t rays() const { return rays_; }
-    std::uint64_t nonfinite() const { return nonfinite_; }
-    const auto &nonfinite_list() const { return nonfinite_list_; }
+    std::uint64_t samples() const { return locked(samples_); }
+    std::uint64_t rays() const { return locked(rays_); }
+    std::uint64_t nonfinite() const { return locked(nonfinite_); }
+    auto nonfinite_list() const { return locked(nonfinite_list_); }
 
 private:
     std::size_t pixels() const {
@@ -200,7 +207,15 @@ private:
         return static_cast<std::size_t>(film.crop_width) * static_cast<std::size_t>(film.crop_height);
     }
 
+    template <class T>
+    T locked(const T &value) const {
+        const std::lock_guard lock(results_);
+        return value;
+    }
+
     const RenderableScene &scene_; // kept alive by Python
+    std::mutex adding_;
+    mutable std::mutex results_; // of everything below: add() runs without the interpreter's lock
     std::uint32_t seed_;
     std::vector<double> sums_;
     std::uint64_t samples_ = 0, rays_ = 0, nonfinite_ = 0;

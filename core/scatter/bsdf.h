@@ -42,12 +42,14 @@ struct BsdfSample {
     float pdf;       // per solid angle; for specular and null kinds the discrete probability of the branch
     float eta = 1; // index of refraction beyond the boundary relative to that of wo's side; 1 for reflection
     ScatterKind kind = ScatterKind::diffuse;
+    float roughness = 1; // of glossy kinds, in [0,1]
 
+    // How much the bounce widens a ray's footprint, in [0,1].
+    float width() const { return kind == ScatterKind::glossy ? roughness : is_delta() ? 0.0f : 1.0f; }
     bool is_delta() const { return kind == ScatterKind::specular || kind == ScatterKind::null; }
 };
 
 constexpr float cos_theta(Vec3f w) { return w.z; }
-constexpr bool same_hemisphere(Vec3f a, Vec3f b) { return a.z * b.z > 0; }
 
 template <class Lobe>
 concept IsLobe = std::is_trivially_destructible_v<Lobe> && sizeof(Lobe) <= 96 &&
@@ -60,7 +62,7 @@ concept IsLobe = std::is_trivially_destructible_v<Lobe> && sizeof(Lobe) <= 96 &&
                      } -> std::convertible_to<bool>; // eval() is zero everywhere: light sampling is of no use
                      {
                          lobe.roughness()
-                     } -> std::same_as<float>; // in [0,1]: how much the lobe widens a ray's footprint
+                     } -> std::same_as<float>; // in [0,1], of its widest part: 1 where there is a diffuse one
                  };
 
 } // namespace lajolla

@@ -46,7 +46,7 @@ struct RoughConductor {
             const Vec3f wi = reflect(wo, surface.sample_visible(wo, u));
             const BsdfEval e = eval(wo, wi);
             if (!(e.pdf > 1e-30f)) return std::nullopt;
-            return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1, ScatterKind::glossy};
+            return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1, ScatterKind::glossy, roughness()};
         }
     };
 

@@ -97,7 +97,8 @@ struct RoughDielectric {
             if (reflected != (wi.z > 0)) return std::nullopt;
             const BsdfEval e = eval_above(wo, wi, beyond);
             if (!(e.pdf > 1e-30f)) return std::nullopt;
-            return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, reflected ? 1 : beyond, ScatterKind::glossy};
+            return BsdfSample{wi,         e.f_cos / e.pdf, e.pdf, reflected ? 1 : beyond, ScatterKind::glossy,
+                              roughness()};
         }
     };
 

@@ -71,8 +71,12 @@ struct RoughPlastic {
             if (wi.z <= 0) return std::nullopt;
             const BsdfEval e = eval_above(wo, wi, t, p);
             if (!(e.pdf > 1e-30f)) return std::nullopt;
-            return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1,
-                              specular ? ScatterKind::glossy : ScatterKind::diffuse};
+            return BsdfSample{wi,
+                              e.f_cos / e.pdf,
+                              e.pdf,
+                              1,
+                              specular ? ScatterKind::glossy : ScatterKind::diffuse,
+                              surface.roughness()};
         }
 
     private:

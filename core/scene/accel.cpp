@@ -32,6 +32,11 @@ void occluded1(RTCScene scene, RTCRay &query) {
 #endif
 }
 
+// Embree asserts that rays are finite and below about 2e18.
+bool valid(const Ray &ray) {
+    return dot(abs(ray.origin), Vec3f(1)) < 1e18f && dot(abs(ray.direction), Vec3f(1)) < 1e18f;
+}
+
 RTCRay to_embree(const Ray &ray) {
     RTCRay r;
     r.org_x = ray.origin.x, r.org_y = ray.origin.y, r.org_z = ray.origin.z;
@@ -144,6 +149,8 @@ Accel::Accel(std::span<const Shape> shapes) {
 }
 
 std::optional<RayHit> Accel::closest(const Ray &ray) const {
+    if (!valid(ray)) [[unlikely]]
+        return std::nullopt;
     RTCRayHit query;
     query.ray = to_embree(ray);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
@@ -154,6 +161,8 @@ std::optional<RayHit> Accel::closest(const Ray &ray) const {
 }
 
 bool Accel::occluded(const Ray &ray) const {
+    if (!valid(ray)) [[unlikely]]
+        return true;
     RTCRay query = to_embree(ray);
     occluded1(static_cast<RTCScene>(scene_), query);
     return query.tfar < 0;

@@ -17,6 +17,7 @@ class Accel {
 public:
     explicit Accel(std::span<const Shape> shapes);
 
+    // Rays with NaN or absurdly large numbers, which a broken texture can cause, hit nothing and see nothing.
     std::optional<RayHit> closest(const Ray &ray) const;
     bool occluded(const Ray &ray) const;
 

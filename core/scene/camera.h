@@ -66,9 +66,10 @@ struct ThinLens : Perspective {
     static constexpr auto fields() {
         return std::tuple_cat(
             Perspective::fields(),
-            std::tuple(field("aperture_radius", &ThinLens::aperture_radius, "radius of the lens").range(0),
-                       field("focus_distance", &ThinLens::focus_distance, "distance along +z that is sharp")
-                           .range(0)));
+            std::tuple(
+                field("aperture_radius", &ThinLens::aperture_radius, "radius of the lens").range(0, 1e12),
+                field("focus_distance", &ThinLens::focus_distance, "distance along +z that is sharp")
+                    .range(1e-6, 1e12)));
     }
     CameraRay generate(Vec2f film, Vec2f lens) const;
 };

@@ -21,10 +21,14 @@ struct Film {
         return std::tuple(
             field("width", &Film::width, "of the whole picture").range(1, 65536).unit("pixels"),
             field("height", &Film::height, "of the whole picture").range(1, 65536).unit("pixels"),
-            field("crop_offset_x", &Film::crop_offset_x, "left edge of the window").range(0).unit("pixels"),
-            field("crop_offset_y", &Film::crop_offset_y, "top edge of the window").range(0).unit("pixels"),
-            field("crop_width", &Film::crop_width, "0: to the right edge").range(0).unit("pixels"),
-            field("crop_height", &Film::crop_height, "0: to the bottom edge").range(0).unit("pixels"));
+            field("crop_offset_x", &Film::crop_offset_x, "left edge of the window")
+                .range(0, 65536)
+                .unit("pixels"),
+            field("crop_offset_y", &Film::crop_offset_y, "top edge of the window")
+                .range(0, 65536)
+                .unit("pixels"),
+            field("crop_width", &Film::crop_width, "0: to the right edge").range(0, 65536).unit("pixels"),
+            field("crop_height", &Film::crop_height, "0: to the bottom edge").range(0, 65536).unit("pixels"));
     }
     void build();
     float aspect() const { return static_cast<float>(width) / static_cast<float>(height); }
@@ -146,7 +150,8 @@ private:
 // How many samples, and which sequence gives their random numbers.
 
 struct SamplerBase {
-    int sample_count = 4, seed = 0;
+    int sample_count = 4;
+    std::uint32_t seed = 0;
 };
 
 struct SobolSampler : SamplerBase {

@@ -53,9 +53,6 @@ struct Hit {
     std::int32_t material, emitter;  // -1 for none
     std::int32_t interior, exterior; // media, -1 for none
 
-    // The shading frame; s follows dp_du.
-    Frame frame() const { return frame_along(shading_normal, dp_du); }
-
     // The radius of the footprint in texture space.
     float uv_footprint() const {
         const float scale = std::max(length_squared(dp_du), length_squared(dp_dv));

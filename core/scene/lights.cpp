@@ -179,6 +179,8 @@ void DirectionalLight::build() {
 }
 
 void SpotLight::build() {
+    if (!(length(to_world.vector({0, 0, 1})) > 0))
+        throw std::invalid_argument("to_world of a spot light is singular: the light shines nowhere");
     if (beam_width < 0) beam_width = 0.75f * cutoff_angle;
     if (beam_width > cutoff_angle) throw std::invalid_argument("beam_width is larger than cutoff_angle");
     axes = frame_around(normalize(to_world.vector({0, 0, 1})));
@@ -227,13 +229,23 @@ LightPicker::LightPicker(std::span<const Light> lights, std::span<const TextureM
                 environment_ = static_cast<std::int32_t>(i);
             }
         });
+    // A light whose power overflows must not hide the others.
+    float strongest = 0;
+    for (const float power : powers)
+        if (std::isfinite(power)) strongest = std::max(strongest, power);
+    for (float &power : powers)
+        if (!std::isfinite(power)) power = strongest > 0 ? strongest : 1;
     powers_ = Distribution(powers);
 }
 
 DirectSample LightPicker::sample_direct(const Vec3f &p, float u_pick, Vec2f u) const {
     const auto pick = powers_.sample(u_pick);
+    // A light that is picked rarely leaves few of u_pick's 24 bits to choose a triangle with: low bits of u
+    // fill in.
+    const float low_bits = u.x * 4096 - std::floor(u.x * 4096);
+    const float u_primitive = std::min(pick.rest + low_bits * (0x1p-24f / pick.probability), one_minus_ulp);
     DirectSample sample = match(lights_[pick.index], [&](const auto &light) {
-        return light.sample_direct(p, pick.rest, u, textures_);
+        return light.sample_direct(p, u_primitive, u, textures_);
     });
     if (sample.delta) sample.radiance *= 1 / pick.probability;
     else sample.pdf *= pick.probability;
@@ -241,12 +253,13 @@ DirectSample LightPicker::sample_direct(const Vec3f &p, float u_pick, Vec2f u) c
 }
 
 float LightPicker::pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const {
+    if (empty()) return 0;
     const auto &light = std::get<AreaLight>(lights_[static_cast<std::size_t>(hit.emitter)]);
     return powers_.probability(static_cast<std::uint32_t>(hit.emitter)) * light.pdf_hit(p, hit, wi);
 }
 
 float LightPicker::pdf_environment(const Vec3f &wi) const {
-    if (environment_ < 0) return 0;
+    if (environment_ < 0 || empty()) return 0;
     const auto index = static_cast<std::uint32_t>(environment_);
     return powers_.probability(index) * match(lights_[index], [&](const auto &light) {
                if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) return light.pdf_direction(wi);

@@ -50,7 +50,7 @@ struct AreaLight {
     float pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const; // of sampling this hit from p
     Spectrum emitted(const Hit &hit, const Vec3f &wo, std::span<const TextureModel> textures) const {
         if (dot(hit.normal, wo) <= 0) return Spectrum(0);
-        return TextureReader(textures, hit.uv, hit.uv_footprint())(radiance);
+        return TextureReader(textures, hit.uv, 0)(radiance); // as sampling reads it
     }
 
 private:
@@ -192,7 +192,8 @@ public:
     LightPicker(std::span<const Light> lights, std::span<const TextureModel> textures,
                 const BoundingSphere &scene);
 
-    bool empty() const { return lights_.empty(); }
+    // No light has any power: there is nothing to sample.
+    bool empty() const { return !(powers_.sum() > 0); }
     // Whether some light can be found by sampling it alone.
     bool has_delta_lights() const { return has_delta_lights_; }
     // `u_pick` also chooses within a light; densities include the pick.

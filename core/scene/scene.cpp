@@ -82,7 +82,8 @@ float Scene::passage(const Hit &hit) const {
     if (material.front >= 0 &&
         std::holds_alternative<Null>(parts_.bsdfs[static_cast<std::size_t>(material.front)]))
         return 1;
-    return std::clamp(1 - reader(hit)(material.opacity), 0.0f, 1.0f);
+    const float opacity = TextureReader(parts_.textures, hit.uv, 0)(material.opacity); // alike for all rays
+    return std::clamp(1 - opacity, 0.0f, 1.0f);
 }
 
 const Bitmap *Scene::first_bitmap(const Hit &hit) const {

@@ -15,6 +15,9 @@ namespace lajolla {
 enum class Strategy { mis, bsdf, light };
 constexpr auto choices(Strategy) { return std::array{"mis", "bsdf", "light"}; }
 
+// Where roulette sets in at the latest, so that no path lasts for ever.
+inline constexpr int longest_without_roulette = 4096;
+
 struct Path {
     static constexpr const char *name = "path";
     static constexpr const char *doc = "Path tracing with light sampling and BSDF sampling.";
@@ -27,7 +30,8 @@ struct Path {
             field("max_depth", &Path::max_depth,
                   "longest path in segments: 1 shows lights only, 2 direct light; -1 for no limit")
                 .range(-1),
-            field("rr_depth", &Path::rr_depth, "bounces before Russian roulette may end a path").range(0),
+            field("rr_depth", &Path::rr_depth, "bounces before Russian roulette may end a path, 4096 at most")
+                .range(0),
             field("hide_emitters", &Path::hide_emitters, "the camera looks through lights"),
             field("strategy", &Path::strategy, "sample lights, BSDFs, or both weighted by their densities"));
     }
@@ -133,6 +137,8 @@ inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler
             throughput /= sqr(scattered->eta);
             eta *= scattered->eta;
         }
+        if (!is_finite(throughput)) [[unlikely]]
+            return throughput; // whoever takes the sample counts it
         from.position = hit.position;
         from.pdf = scattered->pdf;
         from.delta = surface.sharp || scattered->is_delta();
@@ -141,14 +147,16 @@ inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler
         ray.near = 0;
         ray.far = infinity;
         if (scene.reads_footprints())
-            cone = hit.footprint.scattered(hit.mean_curvature, roughness(surface.lobe), scattered->eta);
+            cone = scattered->kind == ScatterKind::null
+                       ? hit.footprint
+                       : hit.footprint.scattered(hit.mean_curvature, scattered->width(), scattered->eta);
 
         ++depth;
         flight = u.flight;
         // Roulette on the throughput without its eta^2, so that entering glass does not make paths die.
         const float survival = std::min(max_component(throughput) * sqr(eta), 0.95f);
-        if (depth > rr_depth) {
-            if (!(u.roulette < survival)) break;
+        if (depth > std::min(rr_depth, longest_without_roulette)) {
+            if (u.roulette >= survival) break;
             throughput /= survival;
         }
     }

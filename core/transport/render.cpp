@@ -80,10 +80,10 @@ bool render_tile(const Scene &scene, const Model &integrator, const Job &job, co
     const Film &film = scene.film();
     for (int y = tile.y0; y < tile.y1; ++y)
         for (int x = tile.x0; x < tile.x1; ++x) {
-            if (progress.cancelled.load(std::memory_order_relaxed)) return false;
             double *sum = &sums[3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(film.crop_width) +
                                      static_cast<std::size_t>(x))];
             for (std::uint32_t i = 0; i < job.count; ++i) {
+                if (progress.cancelled.load(std::memory_order_relaxed)) return false;
                 const SampleId id{static_cast<std::uint32_t>(film.crop_offset_x + x),
                                   static_cast<std::uint32_t>(film.crop_offset_y + y), job.first + i};
                 const Sampler sampler(job.sequence, job.seed, id.x, id.y, id.index);
