@@ -248,6 +248,8 @@ def test_radiance_of_a_pixel_is_that_of_the_picture(scene: lajolla.Scene) -> Non
 def test_options_of_load_dict() -> None:
     scene = lajolla.load_dict(SCENE, spp=3, size=(5, 4))
     assert (scene.width, scene.height, scene.core.sample_count) == (5, 4, 3)
+    largest = 2**32 - 1
+    assert lajolla.load_dict(SCENE, seed=largest).core.seed == largest
     with pytest.raises(TypeError, match="did you mean 'spp'"):
         lajolla.load_dict(SCENE, sp=3)
 
