@@ -49,7 +49,14 @@ def test_absurd_distances_do_not_reach_the_ray_tracer() -> None:
     assert render({**MATTE, "shapes": [BALL], "emitters": lights}).image().mean() > 0.5
     far = np.diag([1, 1, 1, 1.0])
     far[2, 3] = 1e19
-    render({**MATTE, "shapes": [BALL], "emitters": lights[:1], "sensor": {"type": "perspective", "to_world": far}})
+    render(
+        {
+            **MATTE,
+            "shapes": [BALL],
+            "emitters": lights[:1],
+            "sensor": {"type": "perspective", "to_world": far},
+        }
+    )
 
 
 def test_a_path_ends_although_roulette_may_not_end_it() -> None:
@@ -96,7 +103,12 @@ def striped_mirror(bsdf: dict[str, Any], filter_type: str) -> float:
     mirror[2, 3] = 6
     description = {
         "textures": [
-            {"type": "bitmap", "image": _core.Image(stripes), "filter_type": filter_type, "wrap_mode": "clamp"}
+            {
+                "type": "bitmap",
+                "image": _core.Image(stripes),
+                "filter_type": filter_type,
+                "wrap_mode": "clamp",
+            }
         ],
         "bsdfs": [bsdf, {"type": "diffuse", "reflectance": {"texture": 0}}],
         "materials": [{"front": 0, "back": 0}, {"front": 1, "back": 1}],
