@@ -196,6 +196,31 @@ def test_check(capsys: Capture) -> None:
     assert lines["warnings"] == "0"
 
 
+def test_check_all(capsys: Capture) -> None:
+    folder = Path("scenes")
+    folder.mkdir()
+    (folder / "part.xml").write_text('<scene version="3.0.0"><emitter type="constant"/></scene>')
+    sensor = '<integrator type="path"/><sensor type="perspective"/>'
+    (folder / "whole.xml").write_text(
+        f'<scene version="3.0.0"><include filename="part.xml"/>{sensor}<emitter type="laser"/></scene>'
+    )
+    (folder / "other.xml").write_text("<robot/>")
+    assert cli.main(["check", "--all", "scenes"]) == 0
+    capsys.readouterr()
+    (folder / "broken.xml").write_text('<scene version="3.0.0"><sensr type="perspective"/></scene>')
+    assert cli.main(["check", "--all", "scenes"]) == 1
+    assert [line.split()[:3] for line in capsys.readouterr().out.splitlines()] == [
+        ["scene", "opened", "warnings"],
+        ["broken.xml", "no", "1:24:"],
+        ["whole.xml", "yes", "1"],
+        ["2", "scenes:", "1"],
+    ]
+    assert cli.main(["check", "--all", "scenes", "--strict"]) == 1
+    assert capsys.readouterr().out.splitlines()[2].split()[:2] == ["whole.xml", "no"]
+    assert cli.main(["check", "--all", "room.xml"]) == 1
+    assert "room.xml is no folder" in capsys.readouterr().err
+
+
 def test_compare(capsys: Capture) -> None:
     image.write(Path("a.pfm"), np.full((2, 3, 3), 2.0))
     image.write(Path("b.pfm"), np.full((2, 3, 3), 1.0))

@@ -190,8 +190,17 @@ def test_repeated_warnings_are_counted(tmp_path: Path) -> None:
 def test_missing_file_tells_where_it_was_sought(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     body = '<path value="meshes"/><shape type="obj"><string name="filename" value="no.obj"/></shape>'
-    first_line = error_of(tmp_path, body).replace(str(tmp_path), "HERE").splitlines()[0]
-    assert first_line == 'scene.xml:3:72: error: file "no.obj" not found; searched: HERE, meshes'
+    first_line = messages(read(tmp_path, body), tmp_path)[0].replace(str(tmp_path), "HERE")
+    sought = 'file "no.obj" not found; searched: HERE, meshes'
+    assert first_line == f'scene.xml:3:72: warning: {sought}; shape "obj" is left out'
+    assert f"error: {sought.split(';')[0]}" in error_of(tmp_path, body, strict=True)
+
+
+def test_missing_texture_leaves_the_default(tmp_path: Path) -> None:
+    texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="no.png"/></texture>'
+    description = read(tmp_path, SPHERE.format(f'<bsdf type="diffuse">{texture}</bsdf>'))
+    assert "reflectance" not in description.core["bsdfs"][0]
+    assert 'texture "bitmap" is left out' in messages(description, tmp_path)[0]
 
 
 def test_what_the_core_refuses_has_a_place(tmp_path: Path) -> None:

@@ -127,6 +127,9 @@ def _add_render(parser: Parser) -> None:
 
 def _add_check(parser: Parser) -> None:
     _add_scene(parser)
+    parser.add_argument(
+        "--all", action="store_true", help="SCENE is a folder: open every scene below it and print a table"
+    )
 
 
 def _add_compare(parser: Parser) -> None:

@@ -22,6 +22,7 @@ from lajolla.catalog import listing
 from lajolla.display import progress_display, rate, say, size_in_memory
 from lajolla.render import OptionError, Rendering, Scene, load
 from lajolla.scene import SceneError
+from lajolla.survey import survey, table
 
 
 class Terminated(KeyboardInterrupt):
@@ -60,9 +61,9 @@ def _exit_code(interrupt: KeyboardInterrupt) -> int:
     return 128 + (signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
 
 
-def open_scene(arguments: argparse.Namespace) -> Scene:
+def open_scene(arguments: argparse.Namespace, path: Path | None = None) -> Scene:
     return load(
-        arguments.scene,
+        path or arguments.scene,
         parameters=dict(arguments.parameters),
         strict=arguments.strict,
         two_sided=arguments.two_sided,
@@ -199,6 +200,8 @@ def _write_stats(path: Path, stats: dict[str, Any]) -> None:
 
 
 def command_check(arguments: argparse.Namespace) -> int:
+    if arguments.all:
+        return _check_all(arguments)
     scene = open_scene(arguments)
     summary = dict(scene.core.summary())
     facts = {"picture": f"{scene.width} x {scene.height}, {scene.core.sample_count} samples per pixel"}
@@ -212,6 +215,15 @@ def command_check(arguments: argparse.Namespace) -> int:
         print(warning)
     print(f"{'warnings':{width}}  {len(scene.warnings)}")
     return 0
+
+
+def _check_all(arguments: argparse.Namespace) -> int:
+    if not arguments.scene.is_dir():
+        raise UsageError(f"{arguments.scene} is no folder; --all opens every scene below a folder")
+    findings = survey(arguments.scene, lambda path: open_scene(arguments, path))
+    for line in table(arguments.scene, findings):
+        print(line)
+    return 1 if any(finding.error for finding in findings) else 0
 
 
 def command_compare(arguments: argparse.Namespace) -> int:

@@ -10,11 +10,14 @@ from typing import Any, TypeGuard
 
 from .convert import convert
 from .errors import Diagnostics, Location, SceneError, did_you_mean
-from .files import find_file
+from .files import MissingFile, find_file
 from .nodes import Node
 from .plugins import READER_PLUGINS
 from .schema import CHILDREN, HARMLESS, Content, Plugin, Schema, Slot, fields_of
 from .substitutes import DROPPED, NESTED, misspelt, substitute_for
+
+# Objects that a scene can do without: one whose file is missing is left out.
+DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium", "volume")
 
 
 def plugins_by_kind(schema: Schema) -> dict[str, dict[str, Plugin]]:
@@ -92,7 +95,13 @@ class Builder:
         plugin = self.plugin(node)
         if plugin is None:
             return self._substitute(node)
-        return plugin.build(self, node, self.values(node, plugin))
+        try:
+            return plugin.build(self, node, self.values(node, plugin))
+        except MissingFile as problem:
+            if node.kind not in DISPENSABLE:
+                raise
+            self.diagnostics.unknown(f"{problem.message}; {node} is left out", problem.location)
+            return None
 
     def _substitute(self, node: Node) -> Content:
         names = self.table.get(node.kind, {})

@@ -8,11 +8,15 @@ from pathlib import Path
 from .errors import Location, SceneError
 
 
+class MissingFile(SceneError):
+    """A scene names a file that is not there."""
+
+
 def find_file(name: str, directories: Iterable[Path], location: Location) -> Path:
     """Finds a file as scenes name them: relative to one of the folders, with either slash, in any case.
 
     Raises:
-        SceneError: nothing is there; the message lists the folders that were searched.
+        MissingFile: nothing is there; the message lists the folders that were searched.
     """
     wanted = name.replace("\\", "/")
     searched = list(dict.fromkeys(directories))
@@ -24,7 +28,7 @@ def find_file(name: str, directories: Iterable[Path], location: Location) -> Pat
             return found
     shown = name if len(name) <= 80 else name[:77] + "..."
     where = "" if wanted.startswith("/") else f"; searched: {', '.join(map(str, searched))}"
-    raise SceneError(f'file "{shown}" not found{where}', location)
+    raise MissingFile(f'file "{shown}" not found{where}', location)
 
 
 def _in_any_case(path: Path) -> Path | None:

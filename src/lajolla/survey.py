@@ -1,0 +1,77 @@
+"""`lajolla check --all`: which scenes below a folder open."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+from lajolla import _core
+from lajolla.render import OptionError, Scene
+from lajolla.scene import SceneError
+
+INCLUDE = re.compile(rb"""<include\s[^>]*filename\s*=\s*["']([^"']*)""")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What became of one scene file; `error` is the first line of the refusal, empty where it opened."""
+
+    path: Path
+    warnings: int = 0
+    error: str = ""
+
+
+def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
+    """Opens every scene file below a folder.
+
+    A file that another one includes and that does not open by itself is a fragment, and no finding.
+
+    Args:
+        folder: searched for `*.xml`, at any depth.
+        open_scene: opens one file.
+    """
+    texts = {path: _text(path) for path in sorted(folder.rglob("*.xml"))}
+    files = [path for path, text in texts.items() if b"<scene" in text]
+    names = {name.decode(errors="replace") for text in texts.values() for name in INCLUDE.findall(text)}
+    included = {name.replace("\\", "/").rsplit("/", 1)[-1] for name in names}
+    shown = sys.stderr.isatty()
+    progress = track(files, "reading", console=Console(stderr=True), transient=True, disable=not shown)
+    findings = [_finding(path, open_scene) for path in progress]
+    return [finding for finding in findings if not finding.error or finding.path.name not in included]
+
+
+def _text(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError:  # a folder of that name, a file that may not be read
+        return b""
+
+
+def _finding(path: Path, open_scene: Callable[[Path], Scene]) -> Finding:
+    try:
+        return Finding(path, warnings=len(open_scene(path).warnings))
+    except (SceneError, OptionError, _core.DescriptionError) as problem:
+        return Finding(path, error=str(problem).splitlines()[0])
+    except MemoryError:
+        return Finding(path, error="not enough memory")
+
+
+def table(folder: Path, findings: Sequence[Finding]) -> Iterator[str]:
+    """The lines of a report: a row for each file, then the counts."""
+    names = [str(finding.path.relative_to(folder)) for finding in findings]
+    width = max((len(name) for name in names), default=0)
+    yield f"{'scene':{width}}  opened  warnings  error"
+    for name, finding in zip(names, findings, strict=True):
+        opened, warnings = ("no", "") if finding.error else ("yes", str(finding.warnings))
+        message = finding.error.removeprefix(f"{finding.path}:")
+        yield f"{name:{width}}  {opened:6}  {warnings:>8}  {message}".rstrip()
+    opened = sum(not finding.error for finding in findings)
+    silent = sum(not finding.error and finding.warnings == 0 for finding in findings)
+    failed = len(findings) - opened
+    yield f"{len(findings)} scenes: {opened} opened, {silent} of them without a warning; {failed} failed"
