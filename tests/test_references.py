@@ -36,7 +36,6 @@ NEEDS = {
     "test_homo_area_light_volpath": "volpath, homogeneous",
     "test_homo_dielectric_envmap_volpath": "volpath, homogeneous",
     "test_homo_emitter_inside_medium_volpath": "volpath, homogeneous",
-    "test_instancing_path": "shapegroup, instance",
     "test_mesh_attributes_1_face_direct": "blendbsdf, mesh_attribute",
     "test_mesh_attributes_3_face_direct": "mesh_attribute",
     "test_mesh_attributes_3_vertex_direct": "mesh_attribute",
@@ -45,7 +44,7 @@ NEEDS = {
     "test_spot_direct": "texture of spot",
     "test_texturedprincipled1_path": "principled",
     "test_various_emitters_ptracer": "projector, texture of spot",
-    "test_various_shapes_path": "shapegroup, instance, sdfgrid",
+    "test_various_shapes_path": "sdfgrid",
 }
 
 # Read as a number, Mitsuba's checkerboard exchanges its two colours; so do we for these scenes.

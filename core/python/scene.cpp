@@ -84,6 +84,27 @@ Material read_material(const nb::dict &entry, std::size_t bsdfs, std::size_t tex
     return material;
 }
 
+Group read_group(const nb::dict &entry, std::size_t shapes, const std::string &where) {
+    Group group;
+    if (!entry.contains("shapes") || !nb::isinstance<nb::list>(entry["shapes"]))
+        throw DescriptionError(where + ": expected {'shapes': a list of indices}");
+    for (const nb::handle item : nb::cast<nb::list>(entry["shapes"])) {
+        std::uint32_t id = 0;
+        read_value(item, id, where + ".shapes");
+        if (id >= shapes)
+            throw_unexpected(where + ".shapes", "an index below " + std::to_string(shapes), item);
+        group.push_back(id);
+    }
+    return group;
+}
+
+Instance read_instance(const nb::dict &entry, std::size_t groups, const std::string &where) {
+    const auto instance = model_from<Instance>(entry, where);
+    if (static_cast<std::size_t>(instance.group) >= groups)
+        throw DescriptionError(where + ".group: there is no group " + std::to_string(instance.group));
+    return instance;
+}
+
 SceneParts read_parts(const nb::dict &description) {
     SceneParts parts;
     parts.textures =
@@ -116,6 +137,13 @@ SceneParts read_parts(const nb::dict &description) {
                                read_id(entry, "exterior", media, where)});
         return variant_from<Shape>(entry, where, {"material", "emitter", "interior", "exterior"});
     });
+    parts.groups = read_list(description, "groups", [&](const nb::dict &entry, const std::string &where) {
+        return read_group(entry, parts.shapes.size(), where);
+    });
+    parts.instances =
+        read_list(description, "instances", [&](const nb::dict &entry, const std::string &where) {
+            return read_instance(entry, parts.groups.size(), where);
+        });
     parts.camera = read_variant<Camera>(description, "sensor");
     parts.film = model_from<Film>(read_dict(description, "film"), "film");
     parts.filter = read_variant<PixelFilter>(description, "rfilter");
@@ -148,6 +176,7 @@ nb::dict summary(const RenderableScene &self) {
         if (const auto *mesh = std::get_if<TriangleMesh>(&shape)) triangles += mesh->mesh->triangles.size();
     nb::dict result;
     result["shapes"] = parts.shapes.size();
+    if (!parts.instances.empty()) result["instances"] = parts.instances.size();
     result["triangles"] = triangles;
     result["bsdfs"] = parts.bsdfs.size();
     result["emitters"] = parts.lights.size();

@@ -68,6 +68,7 @@ void intersect_user(const RTCIntersectFunctionNArguments *args) {
     query.ray.tfar = *t;
     query.hit.geomID = args->geomID;
     query.hit.primID = args->primID;
+    query.hit.instID[0] = args->context->instID[0];
     query.hit.u = query.hit.v = 0;
 }
 
@@ -119,6 +120,7 @@ RTCGeometry make_geometry(RTCDevice device, const Rectangle &shape) {
 struct Accel::Embree {
     RTCDevice device;
     RTCScene scene;
+    std::vector<RTCScene> groups;
 
     Embree() : device(rtcNewDevice(nullptr)), scene(device ? rtcNewScene(device) : nullptr) {
         if (!scene) throw std::runtime_error("Embree could not start");
@@ -127,19 +129,48 @@ struct Accel::Embree {
     Embree &operator=(const Embree &) = delete;
     ~Embree() {
         rtcReleaseScene(scene);
+        for (RTCScene group : groups) rtcReleaseScene(group);
         rtcReleaseDevice(device);
+    }
+
+    void attach(RTCScene to, RTCGeometry geometry, std::uint32_t id) const {
+        rtcCommitGeometry(geometry);
+        rtcAttachGeometryByID(to, geometry, id);
+        rtcReleaseGeometry(geometry);
+    }
+    void attach(RTCScene to, const Shape &shape, std::uint32_t id) const {
+        attach(to, match(shape, [&](const auto &s) { return make_geometry(device, s); }), id);
+    }
+    void attach(RTCScene to, const Instance &instance, std::uint32_t id) const {
+        RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE);
+        rtcSetGeometryInstancedScene(geometry, groups[static_cast<std::size_t>(instance.group)]);
+        rtcSetGeometryTimeStepCount(geometry, 1);
+        rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, instance.to_world.m.data());
+        attach(to, geometry, id);
     }
 };
 
-Accel::Accel(std::span<const Shape> shapes) {
+Accel::Accel(std::span<const Shape> shapes, std::span<const Group> groups,
+             std::span<const Instance> instances)
+    : shape_count_(static_cast<std::uint32_t>(shapes.size())), groups_(groups.begin(), groups.end()) {
     auto embree = std::make_shared<Embree>();
+    std::vector<bool> is_member(shapes.size(), false);
+    for (const Group &group : groups) {
+        RTCScene scene = embree->groups.emplace_back(rtcNewScene(embree->device));
+        rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_HIGH);
+        for (std::uint32_t i = 0; i < group.size(); ++i) {
+            embree->attach(scene, shapes[group[i]], i);
+            is_member[group[i]] = true;
+        }
+        rtcCommitScene(scene);
+    }
     rtcSetSceneBuildQuality(embree->scene, RTC_BUILD_QUALITY_HIGH);
-    for (std::uint32_t id = 0; id < shapes.size(); ++id) {
-        RTCGeometry geometry =
-            match(shapes[id], [&](const auto &shape) { return make_geometry(embree->device, shape); });
-        rtcCommitGeometry(geometry);
-        rtcAttachGeometryByID(embree->scene, geometry, id);
-        rtcReleaseGeometry(geometry);
+    for (std::uint32_t id = 0; id < shape_count_; ++id)
+        if (!is_member[id]) embree->attach(embree->scene, shapes[id], id);
+    for (const Instance &instance : instances) {
+        embree->attach(embree->scene, instance,
+                       shape_count_ + static_cast<std::uint32_t>(group_of_instance_.size()));
+        group_of_instance_.push_back(static_cast<std::uint32_t>(instance.group));
     }
     rtcCommitScene(embree->scene);
     if (const RTCError error = rtcGetDeviceError(embree->device); error != RTC_ERROR_NONE)
@@ -157,7 +188,16 @@ std::optional<RayHit> Accel::closest(const Ray &ray) const {
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     intersect1(static_cast<RTCScene>(scene_), query);
     if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
-    return RayHit{query.ray.tfar, query.hit.u, query.hit.v, query.hit.geomID, query.hit.primID};
+    const RayHit found{query.ray.tfar, query.hit.u, query.hit.v, query.hit.geomID, query.hit.primID};
+    if (query.hit.instID[0] != RTC_INVALID_GEOMETRY_ID) [[unlikely]]
+        return in_instance(found, query.hit.instID[0]);
+    return found;
+}
+
+RayHit Accel::in_instance(RayHit found, std::uint32_t geometry) const {
+    found.instance = geometry - shape_count_;
+    found.shape = groups_[group_of_instance_[found.instance]][found.shape];
+    return found;
 }
 
 bool Accel::occluded(const Ray &ray) const {

@@ -8,22 +8,30 @@
 #include <vector>
 
 #include "scene/hit.h"
+#include "scene/instance.h"
 #include "scene/shapes.h"
 
 namespace lajolla {
 
-// A spatial index over shapes; shape ids are positions in the span, which must outlive it.
+// A spatial index over shapes; shape ids are positions in the span, which must outlive it. Shapes that are
+// members of a group are there where instances place them, and nowhere else.
 class Accel {
 public:
-    explicit Accel(std::span<const Shape> shapes);
+    explicit Accel(std::span<const Shape> shapes, std::span<const Group> groups = {},
+                   std::span<const Instance> instances = {});
 
     // Rays with NaN or absurdly large numbers, which a broken texture can cause, hit nothing and see nothing.
     std::optional<RayHit> closest(const Ray &ray) const;
     bool occluded(const Ray &ray) const;
 
 private:
+    RayHit in_instance(RayHit found, std::uint32_t geometry) const;
+
     struct Embree;
     std::shared_ptr<const Embree> embree_;
+    std::uint32_t shape_count_ = 0; // instances are the geometries from here on
+    std::vector<Group> groups_;
+    std::vector<std::uint32_t> group_of_instance_;
     void *scene_ = nullptr; // embree_'s scene, one indirection closer
 };
 

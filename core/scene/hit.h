@@ -14,9 +14,11 @@ struct Ray {
 
 // What the ray tracer finds: enough to compute everything else.
 struct RayHit {
+    static constexpr std::uint32_t no_instance = ~0u;
     float distance;
     float b1, b2; // barycentrics of triangles
     std::uint32_t shape, primitive;
+    std::uint32_t instance = no_instance; // through which the shape is seen
 };
 
 // The footprint of a pixel's beam, followed as a cone (Akenine-Möller et al. 2021, "Improved Shader and

@@ -4,9 +4,25 @@ namespace lajolla {
 
 namespace {
 
-BoundingSphere bounding_sphere(std::span<const Shape> shapes) {
+Bounds bounds_of(const Shape &shape) {
+    return match(shape, [](const auto &s) { return s.bounds(); });
+}
+
+BoundingSphere bounding_sphere(const SceneParts &parts) {
+    std::vector<bool> is_member(parts.shapes.size(), false);
+    std::vector<Bounds> groups;
+    for (const Group &group : parts.groups) {
+        Bounds &box = groups.emplace_back();
+        for (const std::uint32_t id : group) {
+            box.extend(bounds_of(parts.shapes[id]));
+            is_member[id] = true;
+        }
+    }
     Bounds box;
-    for (const Shape &shape : shapes) box.extend(match(shape, [](const auto &s) { return s.bounds(); }));
+    for (std::size_t id = 0; id < parts.shapes.size(); ++id)
+        if (!is_member[id]) box.extend(bounds_of(parts.shapes[id]));
+    for (const Instance &instance : parts.instances)
+        box.extend(instance.placed(groups[static_cast<std::size_t>(instance.group)]));
     if (box.empty()) return {};
     return {(box.low + box.high) * 0.5f, std::max(length(box.high - box.low) / 2, 1e-6f)};
 }
@@ -23,6 +39,10 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
         light->shape = &parts_.shapes[i];
         match(parts_.shapes[i], [](auto &shape) { shape.prepare_sampling(); });
     }
+    for (const Group &group : parts_.groups)
+        for (const std::uint32_t id : group)
+            if (parts_.slots[id].emitter >= 0)
+                throw std::invalid_argument("a shape in a group cannot be a light");
     for (const Light &light : parts_.lights)
         if (const auto *area = std::get_if<AreaLight>(&light); area && !area->shape)
             throw std::invalid_argument("an area emitter needs a shape");
@@ -38,8 +58,8 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
 
     match(parts_.camera,
           [&](auto &camera) { camera.build(parts_.film.aspect(), static_cast<float>(parts_.film.width)); });
-    picker_ = LightPicker(parts_.lights, parts_.textures, bounding_sphere(parts_.shapes));
-    accel_.emplace(parts_.shapes);
+    picker_ = LightPicker(parts_.lights, parts_.textures, bounding_sphere(parts_));
+    accel_.emplace(parts_.shapes, parts_.groups, parts_.instances);
 }
 
 Hit Scene::hit(const Ray &ray, const RayHit &found, const RayCone &cone) const {
@@ -53,8 +73,17 @@ Hit Scene::hit(const Ray &ray, const RayHit &found, const RayCone &cone) const {
     hit.emitter = slot.emitter;
     hit.interior = slot.interior;
     hit.exterior = slot.exterior;
-    match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, hit); });
+    if (found.instance != RayHit::no_instance) [[unlikely]]
+        fill_in_instance(ray, found, hit);
+    else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, hit); });
     return hit;
+}
+
+void Scene::fill_in_instance(const Ray &ray, const RayHit &found, Hit &hit) const {
+    const Instance &instance = parts_.instances[found.instance];
+    const Ray inside = instance.in_group(ray);
+    match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(inside, found, hit); });
+    instance.place(hit);
 }
 
 Surface Scene::surface(const Hit &hit, const Vec3f &wo) const {
@@ -103,7 +132,7 @@ const Bitmap *Scene::first_bitmap(const Hit &hit) const {
 }
 
 std::size_t Scene::bytes() const {
-    std::size_t sum = 0;
+    std::size_t sum = parts_.instances.size() * sizeof(Instance);
     for (const Shape &shape : parts_.shapes)
         if (const auto *mesh = std::get_if<TriangleMesh>(&shape)) sum += mesh->mesh->bytes();
     for (const TextureModel &texture : parts_.textures)

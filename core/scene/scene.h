@@ -10,6 +10,7 @@
 #include "scene/accel.h"
 #include "scene/camera.h"
 #include "scene/film.h"
+#include "scene/instance.h"
 #include "scene/lights.h"
 #include "scene/shapes.h"
 #include "scene/textures.h"
@@ -35,6 +36,8 @@ struct SceneParts {
     std::vector<Light> lights;
     std::vector<Shape> shapes;
     std::vector<ShapeSlot> slots; // one per shape
+    std::vector<Group> groups;
+    std::vector<Instance> instances;
     Camera camera;
     Film film;
     PixelFilter filter;
@@ -88,6 +91,7 @@ public:
     std::size_t bytes() const;
 
 private:
+    void fill_in_instance(const Ray &ray, const RayHit &found, Hit &hit) const;
     TextureReader reader(const Hit &hit) const { return {parts_.textures, hit.uv, hit.uv_footprint()}; }
 
     SceneParts parts_;

@@ -7,6 +7,7 @@ from typing import Any
 from .build import Builder
 from .default_camera import default_camera
 from .errors import SceneError
+from .instances import add_instance
 from .nodes import Node, Property, Rgb
 from .plugins.bsdfs import TRANSMISSIVE
 from .schema import Slot
@@ -41,6 +42,8 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
         "materials": builder.materials,
         "emitters": builder.emitters,
         "shapes": builder.shapes,
+        "groups": builder.groups,
+        "instances": builder.instances,
         "sensor": camera,
         "film": _one(builder, film),
         "rfilter": _one(builder, _only(builder, film, "rfilter") or _implied(film, "rfilter", "gaussian")),
@@ -100,7 +103,7 @@ def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
     if scene.version >= (2, 0, 0):
         raise SceneError("the scene has no sensor", scene.location)
     builder.diagnostics.warn("the scene has no sensor; one that sees everything is added", scene.location)
-    return default_camera(builder.shapes)
+    return default_camera(builder.shapes, builder.groups, builder.instances)
 
 
 def _warn_of_media(builder: Builder, node: Node) -> None:
@@ -119,14 +122,18 @@ def _add_emitter(builder: Builder, node: Node) -> None:
     builder.add("emitters", entry, node)
 
 
-def _add_shape(builder: Builder, node: Node) -> None:
+def _add_shape(builder: Builder, node: Node) -> list[int]:
+    """Adds what a shape is to the scene; the indices of shapes, none for what is no shape itself."""
     _warn_of_media(builder, node)
     entry = builder.construct(node)
-    if entry is None:
-        return
+    if entry is None or entry["type"] == "shapegroup":
+        return []
+    if entry["type"] == "instance":
+        add_instance(builder, node, _add_shape)
+        return []
     emitter = _area_light(builder, node)
     material = builder.add_material(_material(builder, node, emits=emitter >= 0), node)
-    builder.add("shapes", {**entry, "material": material, "emitter": emitter}, node)
+    return [builder.add("shapes", {**entry, "material": material, "emitter": emitter}, node)]
 
 
 def _area_light(builder: Builder, shape: Node) -> int:

@@ -54,6 +54,8 @@ class Builder:
     materials: list[dict[str, Any]] = field(default_factory=list)
     emitters: list[dict[str, Any]] = field(default_factory=list)
     shapes: list[dict[str, Any]] = field(default_factory=list)
+    groups: list[dict[str, Any]] = field(default_factory=list)
+    instances: list[dict[str, Any]] = field(default_factory=list)
     built: dict[Node, Any] = field(default_factory=dict)  # textures and bsdfs are shared
     bsdf_indices: dict[str, int] = field(default_factory=dict)
     slots: dict[Slot, int] = field(default_factory=dict)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,17 @@ CIRCLE = np.linspace(0, 2 * np.pi, 64, endpoint=False)
 ROUND = np.stack([np.cos(CIRCLE), np.sin(CIRCLE), np.zeros(64)], axis=1)
 
 
-def default_camera(shapes: Iterable[dict[str, Any]]) -> dict[str, Any]:
+def default_camera(
+    shapes: Sequence[dict[str, Any]],
+    groups: Sequence[dict[str, Any]] = (),
+    instances: Sequence[dict[str, Any]] = (),
+) -> dict[str, Any]:
     """The sensor that Mitsuba 0.6 puts in front of a scene's bounding box."""
     camera = {"type": "perspective", "fov": FOV}
-    corners = [box for shape in shapes for box in _bounds(shape)]
+    members = {index for group in groups for index in group["shapes"]}
+    corners = [box for i, shape in enumerate(shapes) if i not in members for box in _bounds(shape)]
+    inside = [[box for i in group["shapes"] for box in _bounds(shapes[i])] for group in groups]
+    corners += [box for instance in instances for box in _placed(instance, inside[instance["group"]])]
     if not corners:
         return camera
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)
@@ -30,6 +37,20 @@ def default_camera(shapes: Iterable[dict[str, Any]]) -> dict[str, Any]:
         "near_clip": float(distance / 100),
         "far_clip": float(5 * max(width, height, depth) + distance),
     }
+
+
+def _placed(instance: dict[str, Any], corners: list[Array]) -> list[Array]:
+    """The corners of an instance's box."""
+    if not corners:
+        return []
+    ends = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
+    matrix = instance["to_world"]
+    return [
+        matrix[:3, :3] @ np.array([x, y, z]) + matrix[:3, 3]
+        for x in ends[:, 0]
+        for y in ends[:, 1]
+        for z in ends[:, 2]
+    ]
 
 
 def _bounds(shape: dict[str, Any]) -> list[Array]:

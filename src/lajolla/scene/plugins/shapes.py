@@ -67,6 +67,11 @@ def _round_shape(name: str, arrays: Callable[[dict[str, Any]], MeshArrays]) -> B
     return build
 
 
+def _grouping(name: str) -> Build:
+    """A builder for what is no shape itself; `instances.py` makes of it what it shows."""
+    return lambda builder, node, values: {"type": name, **values}
+
+
 def _is_similarity(matrix: Array) -> bool:
     gram = matrix[:3, :3].T @ matrix[:3, :3]
     size = np.trace(gram) / 3
@@ -95,7 +100,25 @@ def _file_plugin(name: str, doc: str, flip: bool, *fields: Field) -> Plugin:
     )
 
 
+TO_WORLD = Field("to_world", "transform", "placement in the scene", np.eye(4).tolist())
+
 PLUGINS = (
+    Plugin(
+        "shape",
+        "shapegroup",
+        "Shapes that are seen through instances only.",
+        (),
+        _grouping("shapegroup"),
+        ("shape",),
+    ),
+    Plugin(
+        "shape",
+        "instance",
+        "A placed copy of a shapegroup.",
+        (TO_WORLD,),
+        _grouping("instance"),
+        ("shape",),
+    ),
     _file_plugin("obj", "Triangles from a Wavefront OBJ file.", True),
     _file_plugin("ply", "Triangles from a PLY file, ascii or binary.", False),
     _file_plugin("serialized", "Triangles from Mitsuba's compressed format.", False, INDEX),

@@ -1,0 +1,122 @@
+"""Shape groups and their instances: nested groups become instances of their parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .build import Builder
+from .convert import convert
+from .errors import SceneError
+from .nodes import Array, Node, Property
+from .schema import Field
+
+MOST_INSTANCES = 2**22
+TO_WORLD = Field("to_world", "transform", "")
+
+AddShape = Callable[[Builder, Node], list[int]]
+
+
+@dataclass
+class Contents:
+    """What a shape group holds: placed groups of the description, and shapes that are lights."""
+
+    groups: list[tuple[Array, int]]
+    lights: list[tuple[Array, Node]]
+
+    def extend(self, matrix: Array, inner: Contents) -> None:
+        """Adds what a group inside this one holds."""
+        self.groups += [(matrix @ placed, group) for placed, group in inner.groups]
+        self.lights += [(matrix @ placed, light) for placed, light in inner.lights]
+
+
+def add_instance(builder: Builder, node: Node, add_shape: AddShape) -> None:
+    """Adds what an instance shows to the description.
+
+    Light sampling has no instances: shapes that are lights are added once for every place.
+
+    Raises:
+        SceneError: there is not one shape group in it, or it would be too many objects.
+    """
+    group_node = _group_of(builder, node)
+    if len(builder.instances) + _size(group_node, {}) > MOST_INSTANCES:
+        raise SceneError(f"the scene has more than {MOST_INSTANCES:,} instances", node.location)
+    contents = _contents(builder, group_node, add_shape)
+    matrix = _matrix(builder, node)
+    for placed, group in contents.groups:
+        builder.add("instances", {"group": group, "to_world": matrix @ placed}, node)
+    for placed, light in contents.lights:
+        _add_light(builder, light, matrix @ placed, add_shape)
+
+
+def _group_of(builder: Builder, node: Node) -> Node:
+    groups = [child for _, child in node.children("shape")]
+    if not groups or any(group.plugin.lower() != "shapegroup" for group in groups):
+        raise SceneError(f'{node} needs a shape "shapegroup" inside, or a reference to one', node.location)
+    if len(groups) > 1:
+        builder.diagnostics.warn(f"{node} has more than one shape group; the first one counts", node.location)
+    return groups[0]
+
+
+def _size(node: Node, known: dict[Node, int]) -> int:
+    """How many shapes there are in groups in groups."""
+    if node.plugin.lower() not in ("shapegroup", "instance"):
+        return 1
+    if node not in known:
+        known[node] = sum(_size(child, known) for _, child in node.children("shape"))
+    return known[node]
+
+
+def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
+    """What a group holds; it is built once."""
+    if group not in builder.built:
+        builder.construct(group)  # tells what it has no use for
+        builder.built[group] = _build(builder, group, add_shape)
+    return builder.built[group]
+
+
+def _build(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
+    contents = Contents([], [])
+    members: list[int] = []
+    for _, child in group.children("shape"):
+        name = child.plugin.lower()
+        if name == "shapegroup":
+            contents.extend(np.eye(4), _contents(builder, child, add_shape))
+        elif name == "instance":
+            builder.construct(child)
+            inner = _contents(builder, _group_of(builder, child), add_shape)
+            contents.extend(_matrix(builder, child), inner)
+        elif any(emitter.plugin.lower() == "area" for _, emitter in child.children("emitter")):
+            contents.lights.append((np.eye(4), child))
+        else:
+            members += add_shape(builder, child)
+    if members:
+        contents.groups.append((np.eye(4), builder.add("groups", {"shapes": members}, group)))
+    if not contents.groups and not contents.lights:
+        builder.diagnostics.warn(f"{group} is empty: nothing is seen of it", group.location)
+    return contents
+
+
+def _matrix(builder: Builder, node: Node) -> Array:
+    prop = node.find("to_world")
+    return np.eye(4) if prop is None else convert(builder, node, prop, TO_WORLD)
+
+
+def _add_light(builder: Builder, light: Node, matrix: Array, add_shape: AddShape) -> None:
+    """Adds a shape of a group as if it stood in the scene itself."""
+    place = light.property_location("to_world")
+    kept = light.without(["to_world"])
+    placed = Property("to_world", matrix @ _matrix(builder, light), place, place)
+    added = add_shape(builder, replace(light, properties=[*kept, placed]))
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        for index in added:
+            _keep_orientation(builder.shapes[index])
+
+
+def _keep_orientation(shape: dict[str, Any]) -> None:
+    """A mirror turns faces around whose side follows from the order of their vertices."""
+    if shape["type"] == "mesh" and (shape["mesh"].normals is None or shape.get("face_normals")):
+        shape["flip_normals"] = not shape.get("flip_normals", False)
