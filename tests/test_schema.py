@@ -13,8 +13,12 @@ SCHEMA = _core.schema()
 TYPES = {
     "float", "integer", "boolean", "choice", "string", "spectrum", "vector", "transform",
     "texture_float", "texture_spectrum", "mesh", "image",
+    "volume_float", "volume_spectrum", "volume_matrix", "grid", "phase", "floats",
 }  # fmt: skip
-KINDS = {"bsdf", "texture", "emitter", "shape", "sensor", "film", "rfilter", "sampler", "integrator"}
+KINDS = {
+    "bsdf", "texture", "emitter", "shape", "sensor", "film", "rfilter", "sampler", "integrator",
+    "medium", "phase", "volume",
+}  # fmt: skip
 MODELS = [(kind, name) for kind, models in SCHEMA.items() for name in models]
 FIELDS = [
     pytest.param(field, id=f"{kind}-{name}-{field['name']}")
@@ -54,7 +58,7 @@ def test_defaults_are_within_their_range(field: dict) -> None:
     if field["type"] == "choice":
         assert field["default"] in field["choices"]
         return
-    if field["type"] in ("string", "mesh", "image"):
+    if field["type"] in ("string", "mesh", "image", "grid"):
         assert field["minimum"] is None and field["maximum"] is None
         return
     numbers = numbers_of(field["default"])

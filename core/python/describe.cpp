@@ -127,12 +127,12 @@ nb::object Described<Transform>::write(const Transform &value) {
     return rows;
 }
 
-std::optional<std::int32_t> read_texture_index(nb::handle source) {
+std::optional<std::int32_t> read_handle(nb::handle source, const char *kind) {
     if (!nb::isinstance<nb::dict>(source) || nb::len(source) != 1 ||
-        PyDict_GetItemString(source.ptr(), "texture") == nullptr)
+        PyDict_GetItemString(source.ptr(), kind) == nullptr)
         return std::nullopt;
-    const auto index = read_integer(PyDict_GetItemString(source.ptr(), "texture"), 0,
-                                    std::numeric_limits<std::int32_t>::max());
+    const auto index =
+        read_integer(PyDict_GetItemString(source.ptr(), kind), 0, std::numeric_limits<std::int32_t>::max());
     return index ? std::optional(static_cast<std::int32_t>(*index)) : std::nullopt;
 }
 

@@ -103,8 +103,8 @@ struct Described<Transform> {
     static nb::object write(const Transform &value);
 };
 
-// The index in {"texture": index}, which stands for a texture of the scene.
-std::optional<std::int32_t> read_texture_index(nb::handle source);
+// The index in {kind: index}, which stands for a texture or a volume of the scene.
+std::optional<std::int32_t> read_handle(nb::handle source, const char *kind);
 
 template <class T>
 struct Described<Texture<T>> {
@@ -113,7 +113,7 @@ struct Described<Texture<T>> {
     static constexpr const char *expected =
         scalar ? "{'texture': index} or a number" : "{'texture': index}, a number or three numbers";
     static bool read(nb::handle source, Texture<T> &value) {
-        if (const auto index = read_texture_index(source)) {
+        if (const auto index = read_handle(source, "texture")) {
             value.id = *index;
             return true;
         }

@@ -11,6 +11,8 @@
 #include <nanobind/stl/vector.h>
 
 #include "python/describe.h"
+#include "python/lists.h"
+#include "python/media.h"
 #include "python/meshes.h"
 
 namespace lajolla {
@@ -18,22 +20,6 @@ namespace lajolla {
 namespace {
 
 using namespace nb::literals;
-
-// The list of models under a key of the description, read one by one with `read(dict, where)`.
-template <class Read>
-auto read_list(const nb::dict &description, const char *key, Read &&read) {
-    std::vector<std::decay_t<decltype(read(nb::dict(), std::string()))>> result;
-    if (!description.contains(key)) return result;
-    const nb::object entries = description[key];
-    if (!nb::isinstance<nb::list>(entries) && !nb::isinstance<nb::tuple>(entries))
-        throw_unexpected(key, "a list", entries);
-    for (const nb::handle entry : entries) {
-        const std::string where = std::string(key) + "[" + std::to_string(result.size()) + "]";
-        if (!nb::isinstance<nb::dict>(entry)) throw_unexpected(where, "a dict", entry);
-        result.push_back(read(nb::cast<nb::dict>(entry), where));
-    }
-    return result;
-}
 
 // The dict under a key; an empty one, which means all defaults, where it is missing.
 nb::dict read_dict(const nb::dict &description, const char *key) {
@@ -129,8 +115,9 @@ SceneParts read_parts(const nb::dict &description) {
         check_textures(light, textures, where);
         return light;
     });
+    parts.media = read_media(description);
+    const std::size_t media = parts.media.size();
     parts.shapes = read_list(description, "shapes", [&](const nb::dict &entry, const std::string &where) {
-        constexpr std::size_t media = 0; // there are none yet: only -1 is a medium's index
         parts.slots.push_back({read_id(entry, "material", parts.materials.size(), where),
                                read_id(entry, "emitter", parts.lights.size(), where),
                                read_id(entry, "interior", media, where),
@@ -144,7 +131,9 @@ SceneParts read_parts(const nb::dict &description) {
         read_list(description, "instances", [&](const nb::dict &entry, const std::string &where) {
             return read_instance(entry, parts.groups.size(), where);
         });
-    parts.camera = read_variant<Camera>(description, "sensor");
+    const nb::dict sensor = read_dict(description, "sensor");
+    parts.camera_medium = read_id(sensor, "medium", media, "sensor");
+    if (sensor.contains("type")) parts.camera = variant_from<Camera>(sensor, "sensor", {"medium"});
     parts.film = model_from<Film>(read_dict(description, "film"), "film");
     parts.filter = read_variant<PixelFilter>(description, "rfilter");
     return parts;
@@ -181,6 +170,7 @@ nb::dict summary(const RenderableScene &self) {
     result["bsdfs"] = parts.bsdfs.size();
     result["emitters"] = parts.lights.size();
     result["textures"] = parts.textures.size();
+    result["media"] = parts.media.size();
     result["bytes"] = self.scene->bytes();
     return result;
 }
@@ -278,6 +268,9 @@ nb::dict schema() {
     kinds["bsdf"] = schema_of_list<Bsdf>();
     kinds["texture"] = schema_of_list<TextureModel>();
     kinds["emitter"] = schema_of_list<Light>();
+    kinds["medium"] = schema_of_list<Medium>();
+    kinds["phase"] = schema_of_list<Phase>();
+    kinds["volume"] = schema_of_list<VolumeModel>();
     kinds["shape"] = schema_of_list<Shape>();
     kinds["sensor"] = schema_of_list<Camera>();
     kinds["film"] = schema_of_list<std::variant<Film>>();

@@ -142,7 +142,7 @@ std::size_t Scene::bytes() const {
         }
     for (const Light &light : parts_.lights)
         if (const auto *map = std::get_if<EnvironmentMap>(&light)) sum += map->image->bytes();
-    return sum;
+    return sum + parts_.media.bytes();
 }
 
 } // namespace lajolla

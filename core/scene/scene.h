@@ -12,6 +12,7 @@
 #include "scene/film.h"
 #include "scene/instance.h"
 #include "scene/lights.h"
+#include "scene/medium.h"
 #include "scene/shapes.h"
 #include "scene/textures.h"
 
@@ -38,7 +39,9 @@ struct SceneParts {
     std::vector<ShapeSlot> slots; // one per shape
     std::vector<Group> groups;
     std::vector<Instance> instances;
+    Media media;
     Camera camera;
+    std::int32_t camera_medium = -1; // -1 for none
     Film film;
     PixelFilter filter;
 };
@@ -62,6 +65,7 @@ public:
 
     const Accel &accel() const { return *accel_; }
     const LightPicker &lights() const { return picker_; }
+    const Media &media() const { return parts_.media; }
     const Film &film() const { return parts_.film; }
     const FilterSampler &filter() const { return filter_; }
     const SceneParts &parts() const { return parts_; }

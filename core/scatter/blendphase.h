@@ -1,0 +1,22 @@
+#pragma once
+
+#include "scatter/phase.h"
+
+namespace lajolla {
+
+// Has no lobe of its own: prepare() in phases.h puts those of its parts side by side.
+struct BlendPhase {
+    static constexpr const char *name = "blendphase";
+    static constexpr const char *doc = "Two phase functions mixed.";
+    Volume<float> weight{0.5f};
+    PhaseId phase_0, phase_1;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("weight", &BlendPhase::weight, "share of the second phase function").range(0, 1),
+            field("phase_0", &BlendPhase::phase_0, "the first one"),
+            field("phase_1", &BlendPhase::phase_1, "the second one"));
+    }
+};
+
+} // namespace lajolla

@@ -1,0 +1,54 @@
+#pragma once
+// The phase function contract.
+//
+// A *model* is the stored declaration with its fields. `prepare(read)` reads its volumes at one point,
+// through `read(volume) -> value`, and gives a *lobe*: a small value that answers eval() and sample().
+//
+// Directions are of unit length, in world space, and point away from the point, `wo` on the known side and
+// `wi` on the generated side: light that is not deflected has wi = -wo. Phase functions are normalised and
+// sampled exactly: eval() is the value and also the density of sample(), whose weight is therefore one.
+//
+// Particles that are not round present an area that depends on the direction. projected_area(wo) multiplies
+// the medium's extinction (Jakob et al. 2010, "A radiative transfer framework for rendering materials with
+// anisotropic structure"); projected_area(wo) eval(wo, wi) is reciprocal.
+
+#include <cstdint>
+#include <type_traits>
+
+#include "base/fields.h"
+#include "base/frame.h"
+#include "base/vec.h"
+#include "base/volume.h"
+
+namespace lajolla {
+
+struct PhaseSample {
+    Vec3f wi;
+    float pdf; // per solid angle: the value of the phase function
+};
+
+// A phase function by its index in the scene's list; -1 is isotropic scattering.
+struct PhaseId {
+    std::int32_t id = -1;
+    friend constexpr bool operator==(PhaseId, PhaseId) = default;
+};
+
+template <class Lobe>
+concept IsPhaseLobe = std::is_trivially_destructible_v<Lobe> && sizeof(Lobe) <= 32 &&
+                      requires(const Lobe &lobe, Vec3f w, Vec2f u) {
+                          { lobe.eval(w, w) } -> std::same_as<float>;
+                          { lobe.sample(w, u) } -> std::same_as<PhaseSample>;
+                          { lobe.projected_area(w) } -> std::same_as<float>;
+                      };
+
+// 1 - cos(theta) of the angle by which light is deflected. A difference of directions keeps its digits where
+// the cosine, close to one, has lost them.
+constexpr float deflection(Vec3f wo, Vec3f wi) { return length_squared(wo + wi) / 2; }
+
+// The direction at 1 - cos(theta) = height from an axis, turned by u.
+inline Vec3f direction_around(Vec3f axis, float height, float u) {
+    const float r = safe_sqrt(height * (2 - height)), phi = 2 * pi * u;
+    return frame_around(axis).to_world({r * std::cos(phi), r * std::sin(phi), 1 - height});
+}
+
+} // namespace lajolla

@@ -1,0 +1,92 @@
+#pragma once
+
+#include <stdexcept>
+
+#include "base/warp.h"
+#include "scatter/phase.h"
+
+namespace lajolla {
+
+// Heitz, Dupuy, Crassin and Dachsbacher 2015, "The SGGX Microflake Distribution": mirrors whose normals are
+// distributed as those of an ellipsoid.
+struct Sggx {
+    static constexpr const char *name = "sggx";
+    static constexpr const char *doc = "Tiny flat mirrors: fibres and surfaces seen from afar.";
+    Volume<SymmetricMatrix> S{SymmetricMatrix{}};
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("S", &Sggx::S,
+                  "xx, yy, zz, xy, xz, yz of the positive definite matrix whose quadratic form is "
+                  "the projected area squared; a volume has six channels"));
+    }
+
+    void build() const {
+        if (S.is_constant() && !is_positive_definite(S.constant))
+            throw std::invalid_argument("\"S\" must be a positive definite matrix");
+    }
+
+    struct Lobe {
+        SymmetricMatrix S;
+
+        // Equation 14
+        float projected_area(Vec3f w) const { return safe_sqrt(dot(w, S * w)); }
+
+        // Equations 15 and 17: D(h) / (4 area(wo))
+        float eval(Vec3f wo, Vec3f wi) const {
+            const Vec3f sum = wo + wi;
+            const float squared = length_squared(sum);
+            if (!(squared > 0)) return 0;
+            const float det = S.determinant(), form = dot(sum, S.adjugate() * sum) / squared;
+            const float d = det * safe_sqrt(det) / (pi * sqr(form));
+            return form > 0 ? d / (4 * projected_area(wo)) : 0;
+        }
+
+        // Section 4.3 and the appendix: a visible normal, by the projection of the ellipsoid on a disk.
+        PhaseSample sample(Vec3f wo, Vec2f u) const {
+            const Frame frame = frame_around(wo);
+            const Vec3f s = S * frame.s, t = S * frame.t, n = S * frame.n;
+            const float kk = dot(frame.s, s), jj = dot(frame.t, t), ii = dot(frame.n, n);
+            const float kj = dot(frame.s, t), ki = dot(frame.s, n), ji = dot(frame.t, n);
+            const float inverse_root = 1 / std::sqrt(ii);
+            const float minor = safe_sqrt(jj * ii - ji * ji);
+            const float det = safe_sqrt(SymmetricMatrix{kk, jj, ii, kj, ki, ji}.determinant());
+            const Vec3f disk = sample_cosine_hemisphere(u);
+            const Vec3f local{disk.x * det / minor - disk.y * inverse_root * (ki * ji - kj * ii) / minor +
+                                  disk.z * inverse_root * ki,
+                              disk.y * inverse_root * minor + disk.z * inverse_root * ji,
+                              disk.z * inverse_root * ii};
+            const Vec3f wi = normalize(reflect(wo, normalize(frame.to_world(local))));
+            return {wi, eval(wo, wi)};
+        }
+    };
+
+    Lobe prepare(const auto &read) const { return {regularised(read(S))}; }
+
+    static constexpr float thinnest = 1e-6f; // determinant against that of the round matrix of the same trace
+
+    // By how much regularised() may raise a projected area.
+    static constexpr float most_growth = 1.3f;
+
+    static bool is_positive_definite(const SymmetricMatrix &m) {
+        const float third = m.trace() / 3;
+        return m.xx > 0 && m.xx * m.yy - m.xy * m.xy > 0 &&
+               m.determinant() > thinnest * third * third * third && std::isfinite(third * third * third) &&
+               third * third * third > 0;
+    }
+
+    // What volumes hold between their samples, or outside, need not be positive definite: it is made rounder,
+    // and what has no size becomes a tiny ball.
+    static SymmetricMatrix regularised(const SymmetricMatrix &m) {
+        if (is_positive_definite(m)) return m;
+        const float third = std::clamp(m.trace() / 3, 1e-8f, 1e8f);
+        for (float part = 0.01f; part < 1; part *= 2) {
+            SymmetricMatrix rounder = m;
+            rounder.xx += part * third, rounder.yy += part * third, rounder.zz += part * third;
+            if (is_positive_definite(rounder)) return rounder;
+        }
+        return {third, third, third};
+    }
+};
+
+} // namespace lajolla
