@@ -49,7 +49,6 @@ GOLD = '<string name="material" value="Au"/>'
 BLUE = '<rgb name="diffuse_reflectance" value="0.1 0.27 0.36"/>'
 CHECKER = """<texture name="{}" type="checkerboard">
     <transform name="to_uv"><scale x="12" y="6"/></transform></texture>"""
-# Numbers come from images here: read as a number, Mitsuba's checkerboard exchanges its two colours.
 GREY = """<texture name="{}" type="bitmap">
     <string name="filename" value="grey.png"/><boolean name="raw" value="true"/></texture>"""
 RED = '<bsdf type="diffuse"><rgb name="reflectance" value="0.7 0.1 0.1"/></bsdf>'
@@ -77,6 +76,7 @@ BSDFS = {
         <float name="alpha" value="0.1"/><boolean name="nonlinear" value="true"/></bsdf>""",
     "null": '<bsdf type="null"/>',
     "mask": f'<bsdf type="mask"><float name="opacity" value="0.3"/>{RED}</bsdf>',
+    "mask-checkered": f'<bsdf type="mask">{CHECKER.format("opacity")}{RED}</bsdf>',
     "mask-textured": f"""<bsdf type="mask">{GREY.format("opacity")}
         <bsdf type="twosided">{RED}</bsdf></bsdf>""",
 }

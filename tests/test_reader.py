@@ -120,7 +120,7 @@ def test_filter_by_default(tmp_path: Path) -> None:
     (tmp_path / "x.ppm").write_bytes(b"P6 1 1 255\n\x01\x02\x03")
     texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="x.ppm"/></texture>'
     body = f'<shape type="sphere"><bsdf type="diffuse">{texture}</bsdf></shape>'
-    assert read(tmp_path, body, "0.6.0").core["textures"][0]["filter_type"] == "trilinear"
+    assert read(tmp_path, body, "0.6.0").core["textures"][0]["filter_type"] == "ewa"
     assert "filter_type" not in read(tmp_path, body).core["textures"][0]
 
 
@@ -187,7 +187,7 @@ def test_material_slots(tmp_path: Path) -> None:
 
 def test_textured_opacity(tmp_path: Path) -> None:
     body = '<bsdf type="mask"><texture type="checkerboard" name="opacity"/><bsdf type="diffuse"/></bsdf>'
-    core = read(tmp_path, f'<shape type="sphere">{body}</shape>').core
+    core = read(tmp_path, f'<shape type="sphere">{body}</shape>', "0.6.0").core
     assert core["materials"][0]["opacity"] == {"texture": 0}
 
 

@@ -62,6 +62,30 @@ struct Hit {
     }
 };
 
+// Two conjugate radii of the ellipse in texture space that a hit's footprint covers, seen from `wo`: the
+// cone's section, and the same stretched along the plane of incidence (Akenine-Möller et al. 2021, section
+// 5).
+struct UvEllipse {
+    Vec2f across, along;
+};
+inline UvEllipse uv_ellipse(const Hit &hit, const Vec3f &wo) {
+    const float cosine = dot(wo, hit.normal);
+    const Vec3f projected = wo - hit.normal * cosine;
+    const float sine = length(projected);
+    const Vec3f along = sine > 1e-4f ? projected / sine : frame_around(hit.normal).s;
+    const Vec3f across = cross(hit.normal, along);
+    const float uu = length_squared(hit.dp_du), uv = dot(hit.dp_du, hit.dp_dv),
+                vv = length_squared(hit.dp_dv), determinant = uu * vv - uv * uv;
+    if (!(determinant > 0)) return {};
+    const auto to_uv = [&](Vec3f step, float radius) { // least squares: dp_du and dp_dv may leave the plane
+        const float u = dot(hit.dp_du, step), v = dot(hit.dp_dv, step);
+        return Vec2f{vv * u - uv * v, uu * v - uv * u} * (radius / determinant);
+    };
+    constexpr float longest = 1e3f; // of the stretch: no filter follows it beyond
+    const float radius = hit.footprint.radius;
+    return {to_uv(across, radius), to_uv(along, radius / std::max(std::abs(cosine), 1 / longest))};
+}
+
 // Where a ray that leaves a hit must start so that it does not find the same surface again: beyond the error
 // of the position, measured in ulps of its coordinates, on the side to which the ray goes.
 inline Vec3f leave(const Hit &hit, Vec3f direction) {

@@ -33,6 +33,14 @@ Spectrum nearest(const Image &image, Vec2f position, WrapMode wrap);
 // The same with values interpolated between the texels' centres; wraps may differ between the axes.
 Spectrum bilinear(const Image &image, Vec2f position, WrapMode wrap_x, WrapMode wrap_y);
 
+// The symmetric matrix M of an ellipse of offsets p with p^T M^-1 p < 1.
+struct Conic {
+    float xx, xy, yy;
+};
+// The mean over the texels whose centres are within an ellipse around a position, weighted by a Gaussian that
+// vanishes at the rim.
+Spectrum gaussian(const Image &image, Vec2f position, const Conic &ellipse, WrapMode wrap);
+
 // Halves the resolution by averaging linear values, each texel by the share of its area.
 Image downsample(const Image &image);
 

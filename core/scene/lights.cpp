@@ -50,15 +50,18 @@ DirectSample towards(const Vec3f &p, const SurfaceSample &point) {
 // Area
 
 float AreaLight::power(std::span<const TextureModel> textures, const BoundingSphere &) const {
-    // A textured light counts with its mean over a grid of texture space: power only steers the picking.
-    constexpr int grid = 16;
+    const float area = match(*shape, [](const auto &s) { return s.area(); });
+    if (radiance.is_constant()) return pi * area * luminance(radiance.constant);
+    // A textured light counts with its mean over some points: power only steers the picking.
+    constexpr int grid = 32;
     float sum = 0;
     for (int j = 0; j < grid; ++j)
         for (int i = 0; i < grid; ++i) {
-            const Vec2f uv{(static_cast<float>(i) + 0.5f) / grid, (static_cast<float>(j) + 0.5f) / grid};
-            sum += luminance(TextureReader(textures, uv, 1.0f / grid)(radiance));
+            const Vec2f u{(static_cast<float>(i) + 0.5f) / grid, (static_cast<float>(j) + 0.5f) / grid};
+            const float which = static_cast<float>((j * 13 + i * 7) % grid) / grid + 0.5f / grid;
+            const SurfaceSample point = match(*shape, [&](const auto &s) { return s.sample(which, u); });
+            sum += luminance(radiance_at(point, textures));
         }
-    const float area = match(*shape, [](const auto &s) { return s.area(); });
     return pi * area * sum / (grid * grid);
 }
 
@@ -72,17 +75,20 @@ DirectSample AreaLight::sample_direct(const Vec3f &p, float u_primitive, Vec2f u
     const float cosine = -dot(sample.wi, point.normal);
     if (!(cosine > 0)) return {}; // seen from behind
     sample.pdf = cone ? cone_pdf(cone->height) : point.area_pdf * sqr(sample.distance) / cosine;
-    sample.radiance =
-        radiance.is_constant() ? radiance.constant : textured_radiance(p, sample, point, textures);
+    sample.radiance = radiance.is_constant() ? radiance.constant : radiance_at(point, textures);
     return sample;
 }
 
-Spectrum AreaLight::textured_radiance(const Vec3f &p, const DirectSample &sample, const SurfaceSample &point,
-                                      std::span<const TextureModel> textures) const {
+Spectrum AreaLight::radiance_at(const SurfaceSample &point, std::span<const TextureModel> textures) const {
+    // As a ray sees it that comes straight from the front.
+    const float distance = std::max(point.position_error, 1e-20f);
+    const RayHit found{distance, point.b1, point.b2, 0, point.primitive};
     Hit hit;
-    const RayHit found{sample.distance, point.b1, point.b2, 0, point.primitive};
-    match(*shape, [&](const auto &s) { s.fill({p, sample.wi}, found, hit); });
-    return TextureReader(textures, hit.uv, 0)(radiance);
+    hit.primitive = point.primitive;
+    match(*shape, [&](const auto &s) {
+        s.fill({point.position + point.normal * distance, -point.normal}, found, hit);
+    });
+    return TextureReader(textures, {hit.uv, &hit, shape})(radiance);
 }
 
 float AreaLight::pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const {

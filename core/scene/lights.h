@@ -50,12 +50,11 @@ struct AreaLight {
     float pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const; // of sampling this hit from p
     Spectrum emitted(const Hit &hit, const Vec3f &wo, std::span<const TextureModel> textures) const {
         if (dot(hit.normal, wo) <= 0) return Spectrum(0);
-        return TextureReader(textures, hit.uv, 0)(radiance); // as sampling reads it
+        return TextureReader(textures, {hit.uv, &hit, shape})(radiance); // as sampling reads it
     }
 
 private:
-    Spectrum textured_radiance(const Vec3f &p, const DirectSample &sample, const SurfaceSample &point,
-                               std::span<const TextureModel> textures) const;
+    Spectrum radiance_at(const SurfaceSample &point, std::span<const TextureModel> textures) const;
 };
 
 struct ConstantLight {

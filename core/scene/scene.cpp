@@ -50,7 +50,8 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
     for (const Bsdf &bsdf : parts_.bsdfs)
         bsdf_traits_.push_back({is_transmissive(bsdf), is_isotropic(bsdf), is_delta(bsdf)});
     for (const TextureModel &texture : parts_.textures)
-        if (const auto *bitmap = std::get_if<Bitmap>(&texture)) reads_footprints_ |= !bitmap->levels.empty();
+        if (const auto *bitmap = std::get_if<Bitmap>(&texture))
+            reads_footprints_ |= bitmap->reads_footprints();
     for (const Material &material : parts_.materials)
         has_passages_ |= !(material.opacity == Texture<float>(1)) ||
                          (material.front >= 0 && std::holds_alternative<Null>(
@@ -97,7 +98,7 @@ Surface Scene::surface(const Hit &hit, const Vec3f &wo) const {
     const Vec3f n = turned ? -hit.shading_normal : hit.shading_normal;
     const Frame frame = traits(side).isotropic ? frame_around(n) : frame_along(n, hit.dp_du);
     Surface surface{false, traits(side).delta, frame, frame.to_local(wo),
-                    prepare(parts_.bsdfs[static_cast<std::size_t>(side)], reader(hit))};
+                    prepare(parts_.bsdfs[static_cast<std::size_t>(side)], filtered_reader(hit, wo))};
     // Scenes write alpha = 0.0001 for a mirror. Such a lobe is narrower than any light that has an area, so
     // that samples of lights would only cost time; lights without area need them still.
     constexpr float sharpest_alpha = 5e-4f;
@@ -111,7 +112,7 @@ float Scene::passage(const Hit &hit) const {
     if (material.front >= 0 &&
         std::holds_alternative<Null>(parts_.bsdfs[static_cast<std::size_t>(material.front)]))
         return 1;
-    const float opacity = TextureReader(parts_.textures, hit.uv, 0)(material.opacity); // alike for all rays
+    const float opacity = sharp_reader(hit)(material.opacity);
     return std::clamp(1 - opacity, 0.0f, 1.0f);
 }
 
@@ -136,10 +137,7 @@ std::size_t Scene::bytes() const {
     for (const Shape &shape : parts_.shapes)
         if (const auto *mesh = std::get_if<TriangleMesh>(&shape)) sum += mesh->mesh->bytes();
     for (const TextureModel &texture : parts_.textures)
-        if (const auto *bitmap = std::get_if<Bitmap>(&texture)) {
-            sum += bitmap->image->bytes();
-            for (const Image &level : bitmap->levels) sum += level.bytes();
-        }
+        if (const auto *bitmap = std::get_if<Bitmap>(&texture)) sum += bitmap->pixels.bytes();
     for (const Light &light : parts_.lights)
         if (const auto *map = std::get_if<EnvironmentMap>(&light)) sum += map->image->bytes();
     return sum + parts_.media.bytes();

@@ -96,7 +96,13 @@ public:
 
 private:
     void fill_in_instance(const Ray &ray, const RayHit &found, Hit &hit) const;
-    TextureReader reader(const Hit &hit) const { return {parts_.textures, hit.uv, hit.uv_footprint()}; }
+    // Textures at a hit: over its footprint, seen from `wo`; or as sharp as they are, alike for all rays.
+    TextureReader filtered_reader(const Hit &hit, const Vec3f &wo) const {
+        return {parts_.textures, {hit.uv, &hit, &parts_.shapes[hit.shape], wo, true}};
+    }
+    TextureReader sharp_reader(const Hit &hit) const {
+        return {parts_.textures, {hit.uv, &hit, &parts_.shapes[hit.shape], Vec3f(0), false}};
+    }
 
     SceneParts parts_;
     struct BsdfTraits {

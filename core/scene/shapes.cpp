@@ -54,6 +54,12 @@ void TriangleMesh::build() {
         to_world = Transform{};
     }
     for (const Vec3f &p : mesh->positions) box.extend(p);
+    double edges = 0;
+    for (const Triangle &t : mesh->triangles)
+        for (std::size_t k = 0; k < 3; ++k)
+            edges += length(mesh->positions[t[(k + 1) % 3]] - mesh->positions[t[k]]);
+    if (!mesh->triangles.empty())
+        mean_edge = static_cast<float>(edges / (3 * static_cast<double>(mesh->triangles.size())));
 }
 
 void TriangleMesh::prepare_sampling() {

@@ -47,6 +47,7 @@ struct TriangleMesh {
     std::vector<LightTriangle> light_triangles;
     Distribution areas;
     Bounds box;
+    float mean_edge = 0; // length
 
     static constexpr auto fields() {
         return std::tuple(

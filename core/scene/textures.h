@@ -1,24 +1,30 @@
 #pragma once
 // Textures, and how a model reads them at a hit.
 
-#include <array>
 #include <memory>
 #include <span>
+#include <string>
 #include <tuple>
 #include <variant>
-#include <vector>
 
 #include "base/fields.h"
 #include "base/match.h"
 #include "base/texture.h"
 #include "base/transform.h"
+#include "scene/bitmap.h"
 #include "scene/hit.h"
-#include "scene/image.h"
+#include "scene/shapes.h"
 
 namespace lajolla {
 
-enum class FilterType { bilinear, nearest, trilinear };
-constexpr auto choices(FilterType) { return std::array{"bilinear", "nearest", "trilinear"}; }
+// Where a texture is evaluated.
+struct TexturePoint {
+    Vec2f uv;
+    const Hit *hit = nullptr; // with its primitive, barycentrics and curvature; none: uv is all that counts
+    const Shape *shape = nullptr; // that was hit
+    Vec3f wo{0};                  // towards the viewer, where the texture is filtered
+    bool filtered = false;        // over the pixel's footprint; else as sharp as it is
+};
 
 struct Bitmap {
     static constexpr const char *name = "bitmap";
@@ -28,23 +34,28 @@ struct Bitmap {
     FilterType filter_type = FilterType::bilinear;
     WrapMode wrap_mode = WrapMode::repeat;
     Transform to_uv;
-    std::vector<Image> levels; // coarser levels of the MIP pyramid, for trilinear filtering
+    float max_anisotropy = 20;
+    MipMap pixels;
 
     static constexpr auto fields() {
         return std::tuple(
             field("image", &Bitmap::image, "the pixels"),
             field("filter_type", &Bitmap::filter_type, "how values between pixels are found"),
             field("wrap_mode", &Bitmap::wrap_mode, "what lies outside the unit square"),
-            field("to_uv", &Bitmap::to_uv, "transform of texture coordinates before the look-up"));
+            field("to_uv", &Bitmap::to_uv, "transform of texture coordinates before the look-up"),
+            field("max_anisotropy", &Bitmap::max_anisotropy,
+                  "longest footprint of ewa filtering over its width; longer ones are widened")
+                .range(1, 256));
     }
     void build();
+    bool reads_footprints() const { return pixels.is_filtered(); }
     // The level of the MIP pyramid whose texels are as large as the footprint; below 0 the image is
     // magnified.
     float level(float uv_footprint) const;
-    Spectrum evaluate(Vec2f uv, float uv_footprint, const auto &) const { return look_up(uv, uv_footprint); }
+    Spectrum evaluate(const TexturePoint &at, const auto &) const { return look_up(at); }
 
 private:
-    Spectrum look_up(Vec2f uv, float uv_footprint) const;
+    Spectrum look_up(const TexturePoint &at) const;
 };
 
 struct Checkerboard {
@@ -59,20 +70,120 @@ struct Checkerboard {
             field("color1", &Checkerboard::color1, "colour of the other squares").range(0),
             field("to_uv", &Checkerboard::to_uv, "transform of texture coordinates before the look-up"));
     }
-    Spectrum evaluate(Vec2f uv, float, const auto &read) const {
-        const Vec3f p = to_uv.point({uv.x, uv.y, 1});
+    Spectrum evaluate(const TexturePoint &at, const auto &read) const {
+        const Vec3f p = to_uv.point({at.uv.x, at.uv.y, 1});
         const auto odd_half = [](float x) { return x - std::floor(x) > 0.5f; };
         return read(odd_half(p.x) == odd_half(p.y) ? color0 : color1);
     }
 };
 
-using TextureModel = std::variant<Bitmap, Checkerboard>;
+struct GridTexture {
+    static constexpr const char *name = "gridtexture";
+    static constexpr const char *doc = "Lines along the edges of the unit square, and its repetitions.";
+    Texture<Spectrum> color0{Spectrum(0.2f)}, color1{Spectrum(0.4f)};
+    float line_width = 0.01f;
+    Transform to_uv;
 
-// Reads texture handles at one hit. This is the `read` that models prepare with.
+    static constexpr auto fields() {
+        return std::tuple(
+            field("color0", &GridTexture::color0, "colour between the lines").range(0),
+            field("color1", &GridTexture::color1, "colour of the lines").range(0),
+            field("line_width", &GridTexture::line_width, "of half a line, in squares").range(0),
+            field("to_uv", &GridTexture::to_uv, "transform of texture coordinates before the look-up"));
+    }
+    Spectrum evaluate(const TexturePoint &at, const auto &read) const {
+        const Vec3f p = to_uv.point({at.uv.x, at.uv.y, 1});
+        const auto on_line = [&](float x) { return std::abs(x - std::round(x)) < line_width; };
+        return read(on_line(p.x) || on_line(p.y) ? color1 : color0);
+    }
+};
+
+struct ScaledTexture {
+    static constexpr const char *name = "scale";
+    static constexpr const char *doc = "A texture times a number, a colour or another texture.";
+    Texture<Spectrum> texture{Spectrum(1)}, scale{Spectrum(1)};
+
+    static constexpr auto fields() {
+        return std::tuple(field("texture", &ScaledTexture::texture, "what is scaled"),
+                          field("scale", &ScaledTexture::scale, "the factor"));
+    }
+    Spectrum evaluate(const TexturePoint &, const auto &read) const { return read(texture) * read(scale); }
+};
+
+struct MeshAttribute {
+    static constexpr const char *name = "mesh_attribute";
+    static constexpr const char *doc = "Numbers or colours that a mesh carries at its vertices or faces.";
+    std::string attribute = "vertex_color";
+    float scale = 1;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("name", &MeshAttribute::attribute, "which attribute; begins with vertex_ or face_"),
+            field("scale", &MeshAttribute::scale, "factor on the values"));
+    }
+    void build();
+    // Black where the shape has no such attribute.
+    Spectrum evaluate(const TexturePoint &at, const auto &) const { return look_up(at) * scale; }
+
+private:
+    Spectrum look_up(const TexturePoint &at) const;
+};
+
+struct Wireframe {
+    static constexpr const char *name = "wireframe";
+    static constexpr const char *doc = "The edges of a mesh's triangles.";
+    Texture<Spectrum> interior_color{Spectrum(0.5f)}, edge_color{Spectrum(0.1f)};
+    float line_width = 0, step_width = 0.5f;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("interior_color", &Wireframe::interior_color, "of the triangles").range(0),
+            field("edge_color", &Wireframe::edge_color, "of their edges").range(0),
+            field("line_width", &Wireframe::line_width,
+                  "of half an edge, in the scene's units; 0 is a tenth of the mesh's mean edge")
+                .range(0),
+            field("step_width", &Wireframe::step_width, "the fraction of line_width that is blurred")
+                .range(0, 1));
+    }
+    Spectrum evaluate(const TexturePoint &at, const auto &read) const {
+        const float inside = interior(at);
+        return lerp(inside, read(edge_color), read(interior_color));
+    }
+
+private:
+    float interior(const TexturePoint &at) const; // 0 on an edge, 1 inside
+};
+
+enum class CurvatureKind { gaussian, mean };
+constexpr auto choices(CurvatureKind) { return std::array{"gaussian", "mean"}; }
+
+struct CurvatureTexture {
+    static constexpr const char *name = "curvature";
+    static constexpr const char *doc = "Curvature in colours: red where it is positive, blue where negative.";
+    CurvatureKind curvature = CurvatureKind::gaussian;
+    float scale = 1;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("curvature", &CurvatureTexture::curvature,
+                  "gaussian, positive on domes and bowls; or mean, positive where the normal is inside"),
+            field("scale", &CurvatureTexture::scale, "curvature times scale is the brightness, 1 at most")
+                .range(0));
+    }
+    Spectrum evaluate(const TexturePoint &at, const auto &) const { return look_up(at); }
+
+private:
+    Spectrum look_up(const TexturePoint &at) const;
+};
+
+using TextureModel = std::variant<Bitmap, Checkerboard, GridTexture, ScaledTexture, MeshAttribute, Wireframe,
+                                  CurvatureTexture>;
+
+// Reads texture handles at one point. This is the `read` that models prepare with.
 class TextureReader {
 public:
-    TextureReader(std::span<const TextureModel> textures, Vec2f uv, float uv_footprint)
-        : textures_(textures), uv_(uv), uv_footprint_(uv_footprint) {}
+    TextureReader(std::span<const TextureModel> textures, const TexturePoint &at)
+        : textures_(textures), at_(at) {}
 
     Spectrum operator()(const Texture<Spectrum> &texture) const {
         return texture.is_constant() ? texture.constant : evaluate(texture.id);
@@ -84,12 +195,11 @@ public:
 private:
     Spectrum evaluate(std::int32_t id) const {
         return match(textures_[static_cast<std::size_t>(id)],
-                     [&](const auto &model) { return model.evaluate(uv_, uv_footprint_, *this); });
+                     [&](const auto &model) { return model.evaluate(at_, *this); });
     }
 
     std::span<const TextureModel> textures_;
-    Vec2f uv_;
-    float uv_footprint_;
+    TexturePoint at_;
 };
 
 } // namespace lajolla

@@ -6,7 +6,7 @@ from typing import Any
 
 from .build import Builder
 from .default_camera import default_camera
-from .errors import SceneError
+from .errors import SceneError, did_you_mean
 from .instances import add_instance
 from .nodes import Node, Property, Rgb
 from .plugins.bsdfs import TRANSMISSIVE
@@ -29,6 +29,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
         _add_shape(builder, node)
     for _, node in scene.children("emitter"):
         _add_emitter(builder, node)
+    _warn_of_missing_attributes(builder)
     if not builder.emitters:
         builder.diagnostics.warn("the scene has no light and is black", scene.location)
     sensor = _only(builder, scene, "sensor")
@@ -104,6 +105,15 @@ def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
         raise SceneError("the scene has no sensor", scene.location)
     builder.diagnostics.warn("the scene has no sensor; one that sees everything is added", scene.location)
     return default_camera(builder.shapes, builder.groups, builder.instances)
+
+
+def _warn_of_missing_attributes(builder: Builder) -> None:
+    known = {name for shape in builder.shapes if "mesh" in shape for name in shape["mesh"].attributes}
+    for i, texture in enumerate(builder.textures):
+        if texture["type"] == "mesh_attribute" and texture["name"] not in known:
+            message = f'no mesh has the attribute "{texture["name"]}"; it is black'
+            hint = did_you_mean(texture["name"], known)
+            builder.diagnostics.warn(message + hint, builder.places[f"textures[{i}]"])
 
 
 def _warn_of_media(builder: Builder, node: Node) -> None:

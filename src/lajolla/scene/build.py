@@ -162,6 +162,17 @@ class Builder:
             self.built[node] = value
         return self.built[node]
 
+    def number_texture(self, node: Node, value: dict[str, int]) -> dict[str, int]:
+        """A texture that is read as a number: Mitsuba 3 exchanges the colours of checkerboards then."""
+        entry = self.textures[value["texture"]]
+        if entry["type"] != "checkerboard" or node.version < (2, 0, 0):
+            return value
+        if ("numbers", node) not in self.files:
+            first, second = entry.get("color0", 0.4), entry.get("color1", 0.2)
+            exchanged = {**entry, "color0": second, "color1": first}
+            self.files["numbers", node] = self.add("textures", exchanged, node)
+        return {"texture": self.files["numbers", node]}
+
     def slot(self, node: Node) -> Slot | None:
         """The material slot of a bsdf; None when it is left out."""
         if node not in self.built:

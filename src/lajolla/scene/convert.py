@@ -24,7 +24,6 @@ INDEX_FIELDS = ("int_ior", "ext_ior", "ext_eta")  # these take the name of a mat
 
 # Choices of other versions that another choice stands for, and whether the picture differs.
 SAME_CHOICE = {
-    ("filter_type", "ewa"): ("trilinear", False),
     ("distribution", "phong"): ("beckmann", True),
     ("distribution", "as"): ("beckmann", True),
 }
@@ -146,6 +145,8 @@ def _texture_spectrum(builder: Builder, owner: Node, prop: Property, field: Fiel
 def _texture_float(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
     """A colour stands for the mean of its channels, as in Mitsuba 3."""
     value = _texture_spectrum(builder, owner, prop, field)
+    if isinstance(value, dict) and isinstance(prop.value, Node):
+        return builder.number_texture(prop.value, value)
     if isinstance(value, dict) or value is None:
         return value
     return value[0] if value[0] == value[1] == value[2] else sum(value) / 3

@@ -39,7 +39,6 @@ SUBSTITUTES = {
         "disneyglass": "roughdielectric",
         "disneybsdf": "roughplastic",
     },
-    "texture": {"scale": NESTED},
     "integrator": {
         "moment": NESTED,
         "aov": NESTED,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..convert import convert
 from ..errors import Location, SceneError
 from ..images import Pixels, is_integer_file, read_pixels
 from ..nodes import Node
@@ -62,7 +63,41 @@ def _from_array(builder: Builder, node: Node, data: Content) -> Content:
     return builder.core.Image(np.ascontiguousarray(array), srgb=False)
 
 
+def _scale(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
+    """The texture inside may have any name, or be a colour called `value`."""
+    fields = {"scale": FACTOR, "texture": SCALED}
+    for prop, child in node.children("texture"):
+        name = "scale" if prop.name == "scale" else "texture"
+        if builder.texture(child) is not None:  # else it was left out
+            values[name] = convert(builder, node, prop, fields[name])
+    values.setdefault("texture", values.pop("value", None))
+    if values["texture"] is None:
+        if any(True for _ in node.children("texture")):
+            return None
+        raise SceneError(f"{node} needs a texture inside", node.location)
+    return {"type": "scale", **values}
+
+
+def _vertex_colors(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
+    return {"type": "mesh_attribute", "name": "vertex_color"}
+
+
+SCALED = Field("texture", "texture_spectrum", "what is scaled; may have any name")
+FACTOR = Field("scale", "texture_spectrum", "the factor", 1.0)
+SCALED_COLOR = Field("value", "spectrum", "a colour in place of the texture")
+
 PLUGINS = (
+    Plugin(
+        "texture",
+        "scale",
+        "",
+        (SCALED, FACTOR, SCALED_COLOR),
+        _scale,
+        ("texture",),
+        "scale",
+        ("texture", "scale"),
+    ),
+    Plugin("texture", "vertexcolors", "The colours of a mesh's vertices.", (), _vertex_colors),
     Plugin(
         "texture",
         "bitmap",

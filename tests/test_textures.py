@@ -1,0 +1,251 @@
+"""Every texture of the list at known points, nested textures, and filtering over footprints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reader_tools import error_of, messages, read
+from scene_tools import PINHOLE, Settings, area, front_view, make_scene, picture, rotation, scaling, uv_sphere
+
+from lajolla import _core
+
+SIZE = 32
+COORDINATES = (np.arange(SIZE) + 0.5) / SIZE
+V, U = np.meshgrid(COORDINATES[::-1], COORDINATES, indexing="ij")  # u to the right, v upwards
+
+NOISE = np.random.default_rng(5).random((64, 64, 3), np.float32)
+TESTED = {"bitmap", "checkerboard", "gridtexture", "scale", "mesh_attribute", "wireframe", "curvature"}
+
+
+def shown(textures: list[Settings], shape: Settings | None = None, width: float = 2) -> np.ndarray:
+    """The last of the textures on a rectangle that fills the picture."""
+    scene = make_scene(
+        shapes=[{"type": "rectangle", "emitter": 0, **(shape or {})}],
+        emitters=[area({"texture": len(textures) - 1})],
+        textures=textures,
+        sensor=front_view(3, width),
+        size=(SIZE, SIZE),
+        rfilter=PINHOLE,
+        max_depth=1,
+    )
+    return picture(scene, 1)
+
+
+def test_every_texture_is_tested() -> None:
+    assert set(_core.schema()["texture"]) == TESTED
+
+
+def test_checkerboard() -> None:
+    image = shown([{"type": "checkerboard", "color0": [1, 2, 3], "color1": 0, "to_uv": scaling(2)}])
+    even = ((2 * U) % 1 > 0.5) == ((2 * V) % 1 > 0.5)
+    np.testing.assert_allclose(image, even[..., None] * [1, 2, 3])
+
+
+def test_grid() -> None:
+    grid = {"type": "gridtexture", "color0": 2, "color1": 3, "line_width": 0.1, "to_uv": scaling(2, 3)}
+    u, v = 2 * U, 3 * V
+    line = np.minimum(np.abs(u - np.round(u)), np.abs(v - np.round(v))) < 0.1
+    np.testing.assert_allclose(shown([grid])[..., 0], np.where(line, 3, 2))
+
+
+def test_scale_multiplies_textures_and_colours() -> None:
+    noise = {"type": "bitmap", "image": _core.Image(NOISE)}
+    board = {"type": "checkerboard", "color0": 0.5, "color1": {"texture": 0}}
+    nested = {"type": "scale", "texture": {"texture": 1}, "scale": [2, 1, 0]}
+    both = {"type": "scale", "texture": {"texture": 2}, "scale": {"texture": 0}}
+    image, factor = shown([noise]), np.array([2, 1, 0])
+    even = (U % 1 > 0.5) == (V % 1 > 0.5)
+    expected = np.where(even[..., None], 0.5, image) * factor * image
+    np.testing.assert_allclose(shown([noise, board, nested, both]), expected, rtol=1e-5)
+
+
+def test_wireframe() -> None:
+    vertices = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
+    mesh = _core.Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.uint32))
+    wires = {"type": "wireframe", "interior_color": [0, 1, 1], "edge_color": [1, 0, 1]}
+    x, y = 2 * U - 1, 2 * V - 1
+    distance = np.minimum(np.minimum(1 - np.abs(x), 1 - np.abs(y)), np.abs(x - y) / np.sqrt(2))
+    automatic = 0.1 * (4 + 2 * np.sqrt(2)) / 3
+    for settings, width, step in (({}, automatic, 0.5), ({"line_width": 0.3, "step_width": 1}, 0.3, 1)):
+        t = np.clip((distance / width - (1 - step)) / step, 0, 1)
+        smooth = t * t * (3 - 2 * t)
+        image = shown([{**wires, **settings}], {"type": "mesh", "mesh": mesh})
+        np.testing.assert_allclose(image, np.stack([1 - smooth, smooth, np.ones_like(t)], -1), atol=3e-3)
+    np.testing.assert_allclose(shown([wires]), np.tile([0.0, 1, 1], (SIZE, SIZE, 1)))  # no mesh: no edges
+
+
+@pytest.mark.parametrize("kind, factor", [("gaussian", 4.0), ("mean", -2.0)])
+def test_curvature_of_a_sphere(kind: str, factor: float) -> None:
+    """Radius 1/2, normals outside; of the true sphere and of a fine mesh."""
+    texture = {"type": "curvature", "curvature": kind, "scale": 0.1}
+    expected = [max(0.1 * factor, 0), 0, max(-0.1 * factor, 0)]
+    mesh = uv_sphere(256, 128, smooth=True)
+    for shape in ({"type": "sphere"}, {"type": "mesh", "mesh": mesh}):
+        image = shown([texture], {**shape, "to_world": scaling(0.5)}, width=0.6)
+        np.testing.assert_allclose(np.median(image.reshape(-1, 3), axis=0), expected, rtol=2e-2)
+    assert not shown([texture]).any()
+
+
+PLY = """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+property float r
+property float g
+property float b
+property float load_x
+element face 2
+property list uchar int vertex_indices
+property float heat_x
+end_header
+-1 -1 0 1 0 0 0.1
+1 -1 0 0 1 0 0.2
+1 1 0 0 0 1 0.3
+-1 1 0 1 1 1 0.4
+3 0 1 2 0.25
+3 0 2 3 0.75
+"""
+
+
+@pytest.mark.parametrize("attribute", ["vertex_color", "vertex_load", "face_heat"])
+def test_mesh_attributes(attribute: str, tmp_path: Path) -> None:
+    path = tmp_path / "mesh.ply"
+    path.write_text(PLY)
+    mesh = {"type": "mesh", "mesh": _core.load_ply(str(path))}
+    lower = U > V
+    colours = {
+        "vertex_color": np.where(
+            lower[..., None],
+            np.stack([1 - U, U - V, V], -1),
+            np.stack([1 - V + (V - U), V - U, U + (V - U)], -1),
+        ),
+        "vertex_load": np.where(lower, 0.1 + 0.1 * U + 0.1 * V, 0.1 - 0.1 * U + 0.3 * V)[..., None],
+        "face_heat": np.where(lower, 0.25, 0.75)[..., None],
+    }
+    image = shown([{"type": "mesh_attribute", "name": attribute, "scale": 2}], mesh)
+    inside = np.abs(U - V) > 1e-2
+    expected = np.broadcast_to(2 * colours[attribute], image.shape)
+    np.testing.assert_allclose(image[inside], expected[inside], atol=1e-3)
+    assert not shown([{"type": "mesh_attribute", "name": "vertex_none"}], mesh).any()
+
+
+def test_attributes_need_a_prefix() -> None:
+    with pytest.raises(_core.DescriptionError, match="begins with vertex_ or face_"):
+        make_scene(textures=[{"type": "mesh_attribute", "name": "color"}])
+
+
+# Filtering
+
+
+def tilted_plane(filter_type: str, spp: int, degrees: float = 80, **settings: object) -> np.ndarray:
+    """A textured plane under even light, seen at a grazing angle: its albedo."""
+    scene = make_scene(
+        shapes=[{"type": "rectangle", "to_world": rotation((1, 0, 0), degrees) @ scaling(4), "material": 0}],
+        emitters=[{"type": "constant"}],
+        textures=[
+            {
+                "type": "bitmap",
+                "image": _core.Image(NOISE),
+                "filter_type": filter_type,
+                "to_uv": scaling(10),
+                **settings,
+            }
+        ],
+        bsdfs=[{"type": "diffuse", "reflectance": {"texture": 0}}],
+        sensor=front_view(9, 3),
+        size=(64, 32),
+        strategy="bsdf",
+        max_depth=2,
+    )
+    return picture(scene, spp)
+
+
+def error(kind: str, spp: int, degrees: float, truth: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((tilted_plane(kind, spp, degrees) - truth) ** 2)))
+
+
+def test_elliptical_averages_follow_the_footprint_of_a_pixel() -> None:
+    """One sample sees most of what a pixel sees, at a grazing angle too, and little else."""
+    truth = tilted_plane("bilinear", 4096, 75)
+    kinds = ("bilinear", "trilinear", "ewa")
+    one = {kind: error(kind, 1, 75, truth) for kind in kinds}
+    assert one["ewa"] < 0.6 * one["trilinear"] and one["ewa"] < 0.3 * one["bilinear"]
+    many = {kind: error(kind, 512, 75, truth) for kind in kinds}
+    assert many["ewa"] < 0.5 * truth.std() and many["ewa"] < 1.5 * many["trilinear"]
+
+
+def test_round_footprints_are_filtered_alike() -> None:
+    truth = tilted_plane("bilinear", 1024, degrees=0)
+    one = {kind: error(kind, 1, 0, truth) for kind in ("bilinear", "trilinear", "ewa")}
+    assert abs(one["ewa"] - one["trilinear"]) < 0.1 * one["trilinear"] and one["ewa"] < 0.6 * one["bilinear"]
+
+
+@pytest.mark.parametrize("wrap_mode", ["repeat", "mirror", "clamp"])
+@pytest.mark.parametrize("degrees", [0, 60, 89.9])
+def test_filters_keep_what_is_constant(degrees: float, wrap_mode: str) -> None:
+    image = _core.Image(np.full((5, 7, 3), 0.25, np.float32))
+    grey, seen = (
+        tilted_plane(kind, 4, degrees, image=image, wrap_mode=wrap_mode, max_anisotropy=7)
+        for kind in ("ewa", "nearest")
+    )
+    np.testing.assert_allclose(grey, seen, rtol=1e-5)
+    assert seen.min() < 0.9
+
+
+def test_footprints_larger_than_the_image_see_its_mean() -> None:
+    image = tilted_plane("ewa", 4, degrees=0, to_uv=scaling(3e4))
+    np.testing.assert_allclose(image, np.broadcast_to(NOISE.mean((0, 1)), image.shape), rtol=1e-3)
+
+
+# Reading
+
+
+def textures_of(folder: Path, texture: str, version: str = "3.0.0") -> tuple[list[Settings], list[str]]:
+    """The textures of a scene with a diffuse shape that has this texture, and the warnings."""
+    body = f'<shape type="sphere"><bsdf type="diffuse">{texture}</bsdf></shape>'
+    description = read(folder, body, version)
+    return description.core["textures"], messages(description, folder)
+
+
+def test_scale_takes_its_texture_by_any_name(tmp_path: Path) -> None:
+    board = '<texture type="checkerboard" name="{}"/>'
+    for name in ("", "texture", "nested"):
+        scaled = (
+            f'<texture type="scale" name="reflectance">{board.format(name)}<float name="scale" value="2"/>'
+        )
+        textures, warnings = textures_of(tmp_path, scaled + "</texture>", "0.6.0")
+        assert not warnings and textures[0]["type"] == "checkerboard"
+        assert textures[1] == {"type": "scale", "texture": {"texture": 0}, "scale": (2.0,) * 3}
+    both = board.format("texture") + board.format("scale")
+    textures, _ = textures_of(tmp_path, f'<texture type="scale" name="reflectance">{both}</texture>')
+    assert textures[2] == {"type": "scale", "texture": {"texture": 0}, "scale": {"texture": 1}}
+    colour = '<texture type="scale" name="reflectance"><rgb name="value" value="1 2 3"/></texture>'
+    assert textures_of(tmp_path, colour)[0] == [{"type": "scale", "texture": (1.0, 2.0, 3.0)}]
+
+
+def test_scale_of_nothing_is_refused(tmp_path: Path) -> None:
+    body = (
+        '<shape type="sphere"><bsdf type="diffuse"><texture type="scale" name="reflectance"/></bsdf></shape>'
+    )
+    assert "needs a texture inside" in error_of(tmp_path, body)
+
+
+def test_checkerboards_read_as_numbers(tmp_path: Path) -> None:
+    """As in Mitsuba 3 the colours are exchanged; older files mean what they say."""
+    body = '<shape type="sphere"><bsdf type="mask"><texture type="checkerboard" name="opacity"/>'
+    body += '<bsdf type="diffuse"/></bsdf></shape>'
+    for version, colours in (("3.0.0", (0.2, 0.4)), ("0.6.0", (0.4, 0.2))):
+        core = read(tmp_path, body, version).core
+        board = core["textures"][core["materials"][0]["opacity"]["texture"]]
+        assert (board.get("color0", 0.4), board.get("color1", 0.2)) == colours
+
+
+def test_attributes_that_no_mesh_has_are_told(tmp_path: Path) -> None:
+    texture = '<texture type="vertexcolors" name="reflectance"/>'
+    textures, warnings = textures_of(tmp_path, texture, "0.6.0")
+    assert textures == [{"type": "mesh_attribute", "name": "vertex_color"}]
+    assert len(warnings) == 1 and 'no mesh has the attribute "vertex_color"' in warnings[0]
