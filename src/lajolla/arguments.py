@@ -68,6 +68,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
     adders: dict[str, tuple[str, Callable[[Parser], None]]] = {
         "render": ("render a scene", _add_render),
         "check": ("read a scene; print what is in it, and every warning", _add_check),
+        "convert": ("write a scene as a file for Mitsuba 3", _add_convert),
         "compare": ("measure how far one picture is from another", _add_compare),
         "list": ("show the plugins and their parameters", _add_list),
     }
@@ -78,7 +79,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
     return parser, parsers
 
 
-def _add_scene(parser: Parser) -> None:
+def _add_file(parser: Parser) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="Mitsuba scene file (XML)")
     parser.add_argument(
         "-D",
@@ -90,6 +91,10 @@ def _add_scene(parser: Parser) -> None:
         help="value of the scene's parameter $NAME",
     )
     parser.add_argument("--strict", action="store_true", help="unknown plugins and properties are errors")
+
+
+def _add_scene(parser: Parser) -> None:
+    _add_file(parser)
     parser.add_argument("--two-sided", action="store_true", help="opaque surfaces reflect on both sides")
     parser.add_argument("--spp", type=_positive, metavar="N", help="samples per pixel")
     parser.add_argument("--size", type=_size, metavar="WxH", help="size of the film; drops the scene's crop")
@@ -129,6 +134,16 @@ def _add_check(parser: Parser) -> None:
     _add_scene(parser)
     parser.add_argument(
         "--all", action="store_true", help="SCENE is a folder: open every scene below it and print a table"
+    )
+
+
+def _add_convert(parser: Parser) -> None:
+    _add_file(parser)
+    parser.add_argument("target", type=Path, metavar="OUT", help="XML file to write, of version 3.0.0")
+    parser.add_argument(
+        "--pack",
+        action="store_true",
+        help="write all meshes as PLY into OUT's own folder of files instead of naming those of SCENE",
     )
 
 

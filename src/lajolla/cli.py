@@ -1,4 +1,4 @@
-"""The command line: `lajolla render`, `check`, `compare` and `list`.
+"""The command line: `lajolla render`, `check`, `convert`, `compare` and `list`.
 
 Results go to standard output, everything else to standard error. Every error of the user's is one message and
 exit code 1; an interrupted render ends with 128 + the signal's number, as in a shell.
@@ -21,7 +21,7 @@ from lajolla.arguments import UsageError, parse, replay_command
 from lajolla.catalog import listing
 from lajolla.display import progress_display, rate, say, size_in_memory
 from lajolla.render import OptionError, Rendering, Scene, load
-from lajolla.scene import SceneError
+from lajolla.scene import SceneError, export
 from lajolla.survey import survey, table
 
 
@@ -196,7 +196,33 @@ def _write_stats(path: Path, stats: dict[str, Any]) -> None:
             temporary.write_text(text)
 
 
-# --- check, compare, list -----------------------------------------------------------------------------------
+# --- convert, check, compare, list --------------------------------------------------------------------------
+
+
+def command_convert(arguments: argparse.Namespace) -> int:
+    target: Path = arguments.target
+    if target.exists() and arguments.scene.exists() and target.samefile(arguments.scene):
+        raise UsageError(f"{target} is the scene itself; name another file to write")
+    image.check_folder(target)
+    parameters = dict(arguments.parameters)
+    result = export(
+        arguments.scene, target, parameters=parameters, strict=arguments.strict, pack=arguments.pack
+    )
+    for warning in result.warnings:
+        print(warning, file=sys.stderr)
+    for name, content in result.files.items():
+        path = target.parent / name
+        path.parent.mkdir(exist_ok=True)
+        if isinstance(content, bytes):
+            with image.replacing(path) as temporary:
+                temporary.write_bytes(content)
+        else:
+            image.write(path, content)
+    with image.replacing(target) as temporary:
+        temporary.write_text(result.text, encoding="utf-8")
+    files = f" and {len(result.files)} files in {target.stem}-files" if result.files else ""
+    say(f"wrote {target}{files}")
+    return 0
 
 
 def command_check(arguments: argparse.Namespace) -> int:
@@ -256,6 +282,7 @@ def command_list(arguments: argparse.Namespace) -> int:
 COMMANDS = {
     "render": command_render,
     "check": command_check,
+    "convert": command_convert,
     "compare": command_compare,
     "list": command_list,
 }

@@ -3,7 +3,7 @@
 `elements` parses XML and keeps places; `expand` fills in parameters and includes; `typed` gives every value
 its type; `upgrade` turns old files into the words of Mitsuba 3; `resolve` follows references; `build`,
 `plugins` and `assemble` make the description that `_core.Scene` takes. A Python dict enters where nodes begin
-(`dict_reader`).
+(`dict_reader`). The way out leaves after resolve: `mitsuba3` -> `write`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
@@ -21,12 +21,24 @@ from .build import Builder, plugins_by_kind
 from .dict_reader import nodes_from_dict
 from .errors import Diagnostics, Location, SceneError, SceneWarning
 from .expand import expand_file
+from .images import Pixels
+from .mitsuba3 import Translator
 from .plugins import READER_PLUGINS
 from .resolve import resolve
 from .typed import Tree, nodes_from_elements
 from .upgrade import upgrade
+from .write import scene_text
 
-__all__ = ["Description", "SceneError", "SceneWarning", "describe", "load_description", "plugins"]
+__all__ = [
+    "Description",
+    "Export",
+    "SceneError",
+    "SceneWarning",
+    "describe",
+    "export",
+    "load_description",
+    "plugins",
+]
 
 NO_PARAMETERS: Mapping[str, str] = MappingProxyType({})
 
@@ -71,11 +83,50 @@ def load_description(
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
     """
-    diagnostics = Diagnostics(strict)
-    document = expand_file(Path(path), parameters, diagnostics)
-    tree = nodes_from_elements(document.root, diagnostics)
-    upgrade(tree.nodes)
-    return _describe(tree, Builder(_core(), diagnostics, document.search_paths, two_sided, integrator))
+    tree, builder = _read(Path(path), parameters, strict)
+    return _describe(tree, replace(builder, two_sided=two_sided, integrator=integrator))
+
+
+@dataclass(frozen=True)
+class Export:
+    """A scene for Mitsuba 3: the text of its XML file, the files beside it by their names (PLY files as
+    bytes, pictures as arrays of linear colours), and what is not written as it was read."""
+
+    text: str
+    files: dict[str, bytes | Pixels]
+    warnings: list[SceneWarning]
+
+
+def export(
+    path: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    *,
+    parameters: Mapping[str, str] = NO_PARAMETERS,
+    strict: bool = False,
+    pack: bool = False,
+) -> Export:
+    """Restates a scene file of any version as one of version 3.0.0; nothing is written.
+
+    Args:
+        path: an XML file.
+        target: where the result will be; names of meshes and textures are relative to it.
+        parameters: values for `$name` in the file; they win over its defaults.
+        strict: refuse unknown plugins and properties instead of warning.
+        pack: put all meshes into files of the result's own.
+
+    Raises:
+        SceneError: the scene cannot be read; the message tells where and why.
+    """
+    tree, builder = _read(Path(path), parameters, strict)
+    description = _describe(tree, builder)
+    diagnostics = Diagnostics()
+    translator = Translator(
+        replace(builder, diagnostics=diagnostics), Path(target).parent, Path(target).stem, pack
+    )
+    text = scene_text(translator.scene(tree.root, description.core))
+    told = {warning.message for warning in description.warnings}
+    new = [warning for warning in diagnostics.warnings if warning.message not in told]
+    return Export(text, translator.packed, [*description.warnings, *new])
 
 
 def describe(
@@ -108,6 +159,15 @@ def plugins() -> dict[str, dict[str, Any]]:
     for plugin in READER_PLUGINS:
         result.setdefault(plugin.kind, {})[plugin.name] = table[plugin.kind][plugin.name.lower()].described()
     return result
+
+
+def _read(path: Path, parameters: Mapping[str, str], strict: bool) -> tuple[Tree, Builder]:
+    """A scene file's nodes, up to date, and the builder that knows where its files are."""
+    diagnostics = Diagnostics(strict)
+    document = expand_file(path, parameters, diagnostics)
+    tree = nodes_from_elements(document.root, diagnostics)
+    upgrade(tree.nodes)
+    return tree, Builder(_core(), diagnostics, document.search_paths)
 
 
 def _core() -> ModuleType:

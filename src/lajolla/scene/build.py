@@ -11,7 +11,7 @@ from typing import Any, TypeGuard
 from .convert import convert
 from .errors import Diagnostics, Location, SceneError, did_you_mean
 from .files import MissingFile, find_file
-from .nodes import Node
+from .nodes import Node, Property
 from .plugins import READER_PLUGINS
 from .schema import CHILDREN, HARMLESS, Content, Plugin, Schema, Slot, fields_of
 from .substitutes import DROPPED, NESTED, misspelt, substitute_for
@@ -94,18 +94,22 @@ class Builder:
         Raises:
             SceneError: the object cannot be built, or, when strict, is not known.
         """
-        plugin = self.plugin(node)
-        if plugin is None:
-            return self._substitute(node)
+        known = self.known(node)
+        plugin = self.plugin(known) if known else None
+        if known is None or plugin is None:
+            return None
         try:
-            return plugin.build(self, node, self.values(node, plugin))
+            return plugin.build(self, known, self.values(known, plugin))
         except MissingFile as problem:
             if node.kind not in DISPENSABLE:
                 raise
             self.diagnostics.unknown(f"{problem.message}; {node} is left out", problem.location)
             return None
 
-    def _substitute(self, node: Node) -> Content:
+    def known(self, node: Node) -> Node | None:
+        """The node itself where there is a plugin of that name, else what stands in for it, as is told."""
+        if self.plugin(node) is not None:
+            return node
         names = self.table.get(node.kind, {})
         name = substitute_for(node, names)
         used = "it is left out" if name is DROPPED else f'"{name}" is used'
@@ -121,15 +125,13 @@ class Builder:
         if name is DROPPED:
             return None
         if name is NESTED and nested is not None:
-            return self.construct(nested)
+            return self.known(nested)
         plugin = names[name]
         kept = node.properties
         if name != misspelt(node, names):  # what another plugin has is no mistake of the file's
             known = {f.name for f in plugin.fields}
             kept = [p for p in kept if p.name in known or _is_child(p.value, plugin)]
-        return self.construct(
-            Node(node.kind, plugin.name, node.location, node.plugin_location, properties=kept)
-        )
+        return Node(node.kind, plugin.name, node.location, node.plugin_location, node.id, kept)
 
     def values(self, node: Node, plugin: Plugin) -> dict[str, Any]:
         """The node's properties as fields of the plugin; unknown ones are told."""
@@ -141,15 +143,14 @@ class Builder:
             if prop.name in fields and not _is_child(prop.value, plugin):
                 values[prop.name] = convert(self, node, prop, fields[prop.name])
             elif not _is_child(prop.value, plugin) and prop.name not in HARMLESS.get(node.kind, ()):
-                self._unknown_property(node, prop.name, prop.value, fields, prop.name_location)
+                self.tell_unknown(node, prop, fields)
         return values
 
-    def _unknown_property(
-        self, node: Node, name: str, value: object, fields: Iterable[str], location: Location
-    ) -> None:
-        what = f'property "{name}"' if name else str(value)
-        hint = did_you_mean(name, fields) if name else ""
-        self.diagnostics.unknown(f"{node} has no use for the {what}{hint}", location)
+    def tell_unknown(self, node: Node, prop: Property, fields: Iterable[str]) -> None:
+        """Tells of a property that is no field of the node's plugin."""
+        what = f'property "{prop.name}"' if prop.name else str(prop.value)
+        hint = did_you_mean(prop.name, fields) if prop.name else ""
+        self.diagnostics.unknown(f"{node} has no use for the {what}{hint}", prop.name_location)
 
     # Shared objects
 
