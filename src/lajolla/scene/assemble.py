@@ -35,13 +35,18 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     sensor = _only(builder, scene, "sensor")
     camera = _one(builder, sensor) if sensor else _missing_sensor(builder, scene)
     sensor = sensor or _implied(scene, "sensor", "perspective")
-    _warn_of_media(builder, sensor)
+    inside = _only(builder, sensor, "medium")
+    if inside:
+        camera["medium"] = builder.index(inside)
     film = _only(builder, sensor, "film") or _implied(sensor, "film", "hdrfilm")
     return {
         "textures": builder.textures,
         "bsdfs": builder.bsdfs,
         "materials": builder.materials,
         "emitters": builder.emitters,
+        "volumes": builder.volumes,
+        "phases": builder.phases,
+        "media": builder.media,
         "shapes": builder.shapes,
         "groups": builder.groups,
         "instances": builder.instances,
@@ -116,9 +121,18 @@ def _warn_of_missing_attributes(builder: Builder) -> None:
             builder.diagnostics.warn(message + hint, builder.places[f"textures[{i}]"])
 
 
-def _warn_of_media(builder: Builder, node: Node) -> None:
-    for prop, child in node.children("medium", "subsurface"):
-        builder.diagnostics.unknown(f"{child.kind} is not supported and left out", prop.location)
+def _media(builder: Builder, shape: Node) -> dict[str, int]:
+    """The media on either side of a shape, by index."""
+    for prop, _ in shape.children("subsurface"):
+        builder.diagnostics.unknown("subsurface is not supported and left out", prop.location)
+    sides: dict[str, int] = {}
+    for prop, node in shape.children("medium"):
+        if prop.name in ("interior", "exterior"):
+            sides[prop.name] = builder.index(node)
+        else:
+            message = f'{node} of {shape} must be named "interior" or "exterior"; it is left out'
+            builder.diagnostics.unknown(message, prop.name_location)
+    return sides
 
 
 def _add_emitter(builder: Builder, node: Node) -> None:
@@ -134,7 +148,6 @@ def _add_emitter(builder: Builder, node: Node) -> None:
 
 def _add_shape(builder: Builder, node: Node) -> list[int]:
     """Adds what a shape is to the scene; the indices of shapes, none for what is no shape itself."""
-    _warn_of_media(builder, node)
     entry = builder.construct(node)
     if entry is None or entry["type"] == "shapegroup":
         return []
@@ -143,7 +156,8 @@ def _add_shape(builder: Builder, node: Node) -> list[int]:
         return []
     emitter = _area_light(builder, node)
     material = builder.add_material(_material(builder, node, emits=emitter >= 0), node)
-    return [builder.add("shapes", {**entry, "material": material, "emitter": emitter}, node)]
+    entry |= {"material": material, "emitter": emitter, **_media(builder, node)}
+    return [builder.add("shapes", entry, node)]
 
 
 def _area_light(builder: Builder, shape: Node) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -13,11 +13,14 @@ from .errors import Diagnostics, Location, SceneError, did_you_mean
 from .files import MissingFile, find_file
 from .nodes import Node, Property
 from .plugins import READER_PLUGINS
-from .schema import CHILDREN, HARMLESS, Content, Plugin, Schema, Slot, fields_of
+from .schema import CHILDREN, HARMLESS, Content, Field, Plugin, Schema, Slot, fields_of
 from .substitutes import DROPPED, NESTED, misspelt, substitute_for
 
 # Objects that a scene can do without: one whose file is missing is left out.
-DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium", "volume")
+DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
+
+# Lists of the description whose entries other entries name by index.
+LISTS = {"phase": "phases", "medium": "media"}
 
 
 def plugins_by_kind(schema: Schema) -> dict[str, dict[str, Plugin]]:
@@ -54,6 +57,9 @@ class Builder:
     materials: list[dict[str, Any]] = field(default_factory=list)
     emitters: list[dict[str, Any]] = field(default_factory=list)
     shapes: list[dict[str, Any]] = field(default_factory=list)
+    volumes: list[dict[str, Any]] = field(default_factory=list)
+    phases: list[dict[str, Any]] = field(default_factory=list)
+    media: list[dict[str, Any]] = field(default_factory=list)
     groups: list[dict[str, Any]] = field(default_factory=list)
     instances: list[dict[str, Any]] = field(default_factory=list)
     built: dict[Node, Any] = field(default_factory=dict)  # textures and bsdfs are shared
@@ -137,11 +143,11 @@ class Builder:
         """The node's properties as fields of the plugin; unknown ones are told."""
         fields = {f.name: f for f in plugin.fields}
         values: dict[str, Any] = {}
-        for prop in node.properties:
+        for name, prop in _named(node, fields):
             if _is_texture(prop.value) and self.texture(prop.value) is None:
                 continue  # left out, as was told
-            if prop.name in fields and not _is_child(prop.value, plugin):
-                values[prop.name] = convert(self, node, prop, fields[prop.name])
+            if name in fields and not _is_child(prop.value, plugin):
+                values[name] = convert(self, node, prop, fields[name])
             elif not _is_child(prop.value, plugin) and prop.name not in HARMLESS.get(node.kind, ()):
                 self.tell_unknown(node, prop, fields)
         return values
@@ -174,6 +180,23 @@ class Builder:
             self.files["numbers", node] = self.add("textures", exchanged, node)
         return {"texture": self.files["numbers", node]}
 
+    def volume(self, node: Node) -> Content:
+        """The value of a volume: a colour, or `{"volume": index}`."""
+        if node not in self.built:
+            value = self.construct(node)
+            if value is None:
+                raise SceneError(f"the medium cannot do without the {node}", node.location)
+            is_entry = isinstance(value, dict) and "type" in value
+            self.built[node] = {"volume": self.add("volumes", value, node)} if is_entry else value
+        return self.built[node]
+
+    def index(self, node: Node) -> int:
+        """The index of a phase function or a medium in its list; -1 when it is left out."""
+        if node not in self.built:
+            entry = self.construct(node)
+            self.built[node] = -1 if entry is None else self.add(LISTS[node.kind], entry, node)
+        return self.built[node]
+
     def slot(self, node: Node) -> Slot | None:
         """The material slot of a bsdf; None when it is left out."""
         if node not in self.built:
@@ -202,6 +225,18 @@ class Builder:
             entry = {"front": slot.front, "back": slot.back, "opacity": opacity}
             self.slots[slot] = self.add("materials", entry, shape)
         return self.slots[slot]
+
+
+def _named(node: Node, fields: Mapping[str, Field]) -> Iterator[tuple[str, Property]]:
+    """The properties with the names of the fields that they mean.
+
+    Phase functions go to the fields of their type, in order, unless they are named as one.
+    """
+    given = {prop.name for prop in node.properties}
+    free = [f.name for f in fields.values() if f.type == "phase" and f.name not in given]
+    for prop in node.properties:
+        unnamed = isinstance(prop.value, Node) and prop.value.kind == "phase" and prop.name not in fields
+        yield free.pop(0) if unnamed and free else prop.name, prop
 
 
 def _is_texture(value: object) -> TypeGuard[Node]:

@@ -11,6 +11,7 @@ import numpy as np
 from .errors import SceneError, did_you_mean
 from .files import find_file
 from .ior import index_of_refraction
+from .literals import Text, parse_numbers
 from .nodes import Blackbody, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
 from .schema import Content, Field
 from .spectra import read_spd, to_rgb
@@ -137,7 +138,7 @@ def _texture_spectrum(builder: Builder, owner: Node, prop: Property, field: Fiel
         rgb = (float(value),) * 3
     else:
         colour = Rgb(value.xyz) if isinstance(value, Vector) else value
-        emission = owner.kind == "emitter"
+        emission = owner.kind == "emitter" or field.name == "emission"
         rgb = to_rgb(colour, emission=emission, diagnostics=builder.diagnostics, location=prop.location)
     return _clamp(builder, owner, rgb, prop, field)
 
@@ -150,6 +151,48 @@ def _texture_float(builder: Builder, owner: Node, prop: Property, field: Field) 
     if isinstance(value, dict) or value is None:
         return value
     return value[0] if value[0] == value[1] == value[2] else sum(value) / 3
+
+
+def _volume_spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    if not isinstance(prop.value, Node) or prop.value.kind != "volume":
+        return _spectrum(builder, owner, prop, field)
+    value = builder.volume(prop.value)
+    return value if isinstance(value, dict) else _clamp(builder, owner, value, prop, field)
+
+
+def _volume_float(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    value = _volume_spectrum(builder, owner, prop, field)
+    return value if isinstance(value, dict) or value is None else sum(value) / 3
+
+
+def _volume_matrix(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    """A volume, or six numbers; constvolumes with six numbers are the same."""
+    node = prop.value
+    if isinstance(node, Node) and node.kind == "volume":
+        constant = node.find("value") if node.plugin.lower() == "constvolume" else None
+        return builder.volume(node) if constant is None else _six(_floats(builder, owner, constant, field))
+    return _six(_floats(builder, owner, prop, field))
+
+
+def _six(values: tuple[float, ...] | None) -> tuple[float, ...] | None:
+    return values if values is not None and len(values) == 6 else None
+
+
+def _floats(builder: Builder, owner: Node, prop: Property, field: Field) -> tuple[float, ...] | None:
+    if isinstance(prop.value, str):
+        return tuple(parse_numbers(Text(prop.value, prop.location)))
+    try:
+        values = np.asarray(prop.value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    if values.ndim != 1:
+        return None
+    return tuple(_in_range(v, prop, field) for v in values.tolist())
+
+
+def _phase(builder: Builder, owner: Node, prop: Property, field: Field) -> int | None:
+    node = prop.value
+    return builder.index(node) if isinstance(node, Node) and node.kind == "phase" else None
 
 
 def constant_or_texture(builder: Builder, prop: Property) -> Content:
@@ -191,6 +234,12 @@ CONVERTERS: dict[str, Callable[[Builder, Node, Property, Field], Any]] = {
     "spectrum": _spectrum,
     "texture_float": _texture_float,
     "texture_spectrum": _texture_spectrum,
+    "volume_float": _volume_float,
+    "volume_spectrum": _volume_spectrum,
+    "volume_matrix": _volume_matrix,
+    "floats": _floats,
+    "phase": _phase,
+    "grid": _object,
     "mesh": _object,
     "image": _object,
 }
@@ -206,6 +255,12 @@ EXPECTED = {
     "spectrum": "a colour",
     "texture_float": "a number or a texture",
     "texture_spectrum": "a colour or a texture",
+    "volume_float": "a number or a volume",
+    "volume_spectrum": "a colour or a volume",
+    "volume_matrix": "six numbers or a volume of six channels",
+    "floats": "numbers",
+    "phase": "a phase function",
+    "grid": "an array",
     "mesh": "a mesh object",
     "image": "an image object",
 }

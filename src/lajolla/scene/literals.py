@@ -62,6 +62,11 @@ def parse_floats(text: Text, counts: tuple[int, ...]) -> list[float]:
     return [parse_float(Text(token, text.location)) for token in tokens]
 
 
+def parse_numbers(text: Text) -> list[float]:
+    """Any count of numbers between spaces or commas."""
+    return parse_floats(text, (len(text.text.replace(",", " ").split()),))
+
+
 def parse_rgb(text: Text, *, srgb: bool) -> Rgb:
     """One or three numbers, or `#rrggbb`. With `srgb` the values are decoded to linear ones."""
     hexadecimal = re.fullmatch(r"#([0-9a-fA-F]{6})", text.text.strip())

@@ -20,6 +20,7 @@ Schema: TypeAlias = Mapping[str, Mapping[str, Mapping[str, Any]]]
 CHILDREN = {
     "shape": ("bsdf", "emitter", "medium", "subsurface"),
     "sensor": ("film", "sampler", "medium"),
+    "emitter": ("medium",),  # light finds out by itself in which medium it is
     "film": ("rfilter",),
 }
 
@@ -43,6 +44,8 @@ HARMLESS = {
         "compensate",
     ),
     "shape": ("name",),
+    "medium": ("sample_emitters", "has_spectral_extinction", "method", "step_size"),
+    "volume": ("raw", "accel", "max_value", "send_data"),
     "integrator": ("samples_per_pass", "block_size", "timeout", "cache_dimension"),
 }
 

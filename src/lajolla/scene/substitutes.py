@@ -47,6 +47,8 @@ SUBSTITUTES = {
         "multichannel": NESTED,
     },
     "sampler": {"independent": "independent"},
+    "phase": {"kkay": "isotropic", "microflake": "isotropic", "mixturephase": NESTED},
+    "volume": {"volcache": NESTED, "grid": "gridvolume", "const": "constvolume"},
     "sensor": {"telecentric": "orthographic", "spherical": DROPPED},
     "shape": {"mesh": DROPPED},
 }
@@ -60,6 +62,7 @@ OTHERWISE = {
     "film": "hdrfilm",
     "rfilter": "gaussian",
     "sensor": "perspective",
+    "phase": "isotropic",
 }
 
 

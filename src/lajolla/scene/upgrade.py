@@ -76,5 +76,11 @@ def _write_defaults(node: Node) -> None:
     if node.kind == "bsdf" and node.plugin in ("conductor", "roughconductor", "roughconductorGGX"):
         node.set_default("material", "Cu")
         node.set_default("ext_eta", AIR)  # eta and k are divided by it
+    elif node.kind == "medium" and node.plugin == "homogeneous":
+        node.set_default("material", "Skin1")
+    elif node.kind == "volume" and node.plugin == "gridvolume":
+        node.set_default("use_grid_bbox", True)
+        node.set_default("align_corners", True)
+        node.set_default("wrap_mode", "zero")
     elif node.kind == "texture" and node.plugin == "bitmap":
         node.set_default("filter_type", "ewa")

@@ -1,7 +1,7 @@
 """The plugins that scene files know and the core does not, or not in that form."""
 
 from ..schema import Plugin
-from . import bsdfs, colours, emitters, integrators, sensors, shapes, textures
+from . import bsdfs, colours, emitters, integrators, media, sensors, shapes, textures, volumes
 
 READER_PLUGINS: tuple[Plugin, ...] = (
     *bsdfs.PLUGINS,
@@ -11,4 +11,6 @@ READER_PLUGINS: tuple[Plugin, ...] = (
     *shapes.PLUGINS,
     *sensors.PLUGINS,
     *integrators.PLUGINS,
+    *media.PLUGINS,
+    *volumes.PLUGINS,
 )

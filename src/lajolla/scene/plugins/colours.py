@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SceneError
-from ..literals import Text, checked_spectrum, parse_floats
+from ..literals import Text, checked_spectrum, parse_numbers
 from ..nodes import Blackbody, Node, Rgb, Spectrum
 from ..schema import Content, Field, Plugin
 
@@ -62,8 +62,7 @@ def _numbers(node: Node, name: str) -> tuple[float, ...]:
     prop = node.find(name)
     if prop is None:
         raise SceneError(f'{node} needs "{name}"', node.location)
-    text = Text(str(prop.value), prop.location)
-    return tuple(parse_floats(text, (len(text.text.replace(",", " ").split()),)))
+    return tuple(parse_numbers(Text(str(prop.value), prop.location)))
 
 
 SCALE = Field("scale", "float", "factor", 1.0)
