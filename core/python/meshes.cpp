@@ -111,6 +111,15 @@ std::shared_ptr<LoadedMesh> with_flipped_uvs(const LoadedMesh &mesh) {
     return result;
 }
 
+std::shared_ptr<CurveSet>
+make_curves(const Table<float, 4> &points,
+            const nb::ndarray<const std::uint32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu> &segments) {
+    auto curves = std::make_shared<CurveSet>();
+    curves->points = elements<std::array<float, 4>, 4>(points);
+    curves->segments.assign(segments.data(), segments.data() + segments.size());
+    return curves;
+}
+
 using Pixels = nb::ndarray<nb::ro, nb::c_contig, nb::device::cpu>;
 
 template <class T>
@@ -183,6 +192,15 @@ void bind_meshes(nb::module_ &m) {
         .def("with_smooth_normals", &smoothed, "max_angle_degrees"_a,
              "A mesh with angle-weighted vertex normals; edges sharper than the angle stay sharp.")
         .def("flip_uvs", &with_flipped_uvs, "A mesh whose v runs the other way.");
+
+    nb::class_<CurveSet>(m, "Curves", "Control points of curves.")
+        .def(nb::new_(&make_curves), "points"_a, "segments"_a,
+             "points (N, 4) float32: x, y, z, radius; segments (M,) uint32: the first control point of each.")
+        .def_prop_ro("points", [](nb::handle self) {
+            const auto &curves = nb::cast<const CurveSet &>(self);
+            return view(self, reinterpret_cast<const float *>(curves.points.data()),
+                        {curves.points.size(), 4});
+        });
 
     nb::class_<Image>(m, "Image", "Pixels of a texture.")
         .def(nb::new_(&make_image), "pixels"_a, "srgb"_a = false,

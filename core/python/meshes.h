@@ -5,6 +5,7 @@
 #include <nanobind/stl/shared_ptr.h>
 
 #include "python/describe.h"
+#include "scene/curves.h"
 #include "scene/image.h"
 #include "scene/mesh.h"
 
@@ -25,6 +26,11 @@ struct DescribedObject {
 template <>
 struct Described<std::shared_ptr<const Mesh>> : DescribedObject<Mesh> {
     static constexpr const char *type = "mesh", *expected = "a Mesh";
+};
+
+template <>
+struct Described<std::shared_ptr<const CurveSet>> : DescribedObject<CurveSet> {
+    static constexpr const char *type = "curves", *expected = "Curves";
 };
 
 template <>

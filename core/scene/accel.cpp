@@ -102,6 +102,28 @@ RTCGeometry make_geometry(RTCDevice device, const TriangleMesh &shape) {
     return geometry;
 }
 
+// Curves are hit from outside only, whatever Embree was built for: light that enters a hair leaves it within
+// the same scattering event.
+void cull_inside(const RTCFilterFunctionNArguments *args) {
+    const auto &ray = *reinterpret_cast<const RTCRay *>(args->ray);
+    const auto &hit = *reinterpret_cast<const RTCHit *>(args->hit);
+    if (ray.dir_x * hit.Ng_x + ray.dir_y * hit.Ng_y + ray.dir_z * hit.Ng_z > 0) args->valid[0] = 0;
+}
+
+RTCGeometry make_geometry(RTCDevice device, const Curves &shape) {
+    RTCGeometry geometry =
+        rtcNewGeometry(device, shape.basis == CurveBasis::linear ? RTC_GEOMETRY_TYPE_ROUND_LINEAR_CURVE
+                                                                 : RTC_GEOMETRY_TYPE_ROUND_BSPLINE_CURVE);
+    const CurveSet &curves = *shape.curves;
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, curves.points.data(),
+                               0, sizeof(curves.points[0]), curves.points.size());
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT, curves.segments.data(), 0,
+                               sizeof(curves.segments[0]), curves.segments.size());
+    rtcSetGeometryIntersectFilterFunction(geometry, cull_inside);
+    rtcSetGeometryOccludedFilterFunction(geometry, cull_inside);
+    return geometry;
+}
+
 RTCGeometry make_geometry(RTCDevice device, const Rectangle &shape) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
     const auto corners = shape.corners();

@@ -136,6 +136,7 @@ std::size_t Scene::bytes() const {
     std::size_t sum = parts_.instances.size() * sizeof(Instance);
     for (const Shape &shape : parts_.shapes)
         if (const auto *mesh = std::get_if<TriangleMesh>(&shape)) sum += mesh->mesh->bytes();
+        else if (const auto *curves = std::get_if<Curves>(&shape)) sum += curves->curves->bytes();
     for (const TextureModel &texture : parts_.textures)
         if (const auto *bitmap = std::get_if<Bitmap>(&texture)) sum += bitmap->pixels.bytes();
     for (const Light &light : parts_.lights)

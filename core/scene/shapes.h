@@ -12,26 +12,12 @@
 #include "base/fields.h"
 #include "base/match.h"
 #include "base/warp.h"
+#include "scene/curves.h"
 #include "scene/hit.h"
 #include "scene/mesh.h"
+#include "scene/surface.h"
 
 namespace lajolla {
-
-struct Bounds {
-    Vec3f low{infinity}, high{-infinity};
-    void extend(Vec3f p) { low = min(low, p), high = max(high, p); }
-    void extend(const Bounds &b) { low = min(low, b.low), high = max(high, b.high); }
-    bool empty() const { return !(low.x <= high.x); }
-};
-
-// A point chosen on a shape. Primitive and barycentrics are those of a ray that hits the point.
-struct SurfaceSample {
-    Vec3f position, normal;
-    float position_error;
-    float area_pdf;
-    std::uint32_t primitive = 0;
-    float b1 = 0, b2 = 0;
-};
 
 struct TriangleMesh {
     static constexpr const char *name = "mesh";
@@ -174,6 +160,6 @@ private:
     SurfaceSample at(Vec2f around, float z) const; // a unit vector across the axis, z in [0, height]
 };
 
-using Shape = std::variant<TriangleMesh, Sphere, Rectangle, Disk, Cylinder>;
+using Shape = std::variant<TriangleMesh, Sphere, Rectangle, Disk, Cylinder, Curves>;
 
 } // namespace lajolla

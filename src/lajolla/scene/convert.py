@@ -241,6 +241,7 @@ CONVERTERS: dict[str, Callable[[Builder, Node, Property, Field], Any]] = {
     "phase": _phase,
     "grid": _object,
     "mesh": _object,
+    "curves": _object,
     "image": _object,
 }
 
@@ -262,5 +263,6 @@ EXPECTED = {
     "phase": "a phase function",
     "grid": "an array",
     "mesh": "a mesh object",
+    "curves": "a curves object",
     "image": "an image object",
 }

@@ -69,6 +69,9 @@ def _points(shape: dict[str, Any]) -> tuple[Array, float]:
     radius = float(shape.get("radius", 1.0))
     if shape["type"] == "mesh":
         return np.asarray(shape["mesh"].vertices, float), 0.0
+    if shape["type"] == "curves":
+        points = np.asarray(shape["curves"].points, float)
+        return points[:, :3], float(points[:, 3].max(initial=0))
     if shape["type"] == "sphere":
         return np.array([shape.get("center", (0, 0, 0))], float), radius
     if shape["type"] == "cylinder":

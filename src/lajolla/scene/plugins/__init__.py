@@ -1,7 +1,7 @@
 """The plugins that scene files know and the core does not, or not in that form."""
 
 from ..schema import Plugin
-from . import bsdfs, colours, emitters, integrators, media, sensors, shapes, textures, volumes
+from . import bsdfs, colours, curves, emitters, integrators, media, sensors, shapes, textures, volumes
 
 READER_PLUGINS: tuple[Plugin, ...] = (
     *bsdfs.PLUGINS,
@@ -9,6 +9,7 @@ READER_PLUGINS: tuple[Plugin, ...] = (
     *textures.PLUGINS,
     *emitters.PLUGINS,
     *shapes.PLUGINS,
+    *curves.PLUGINS,
     *sensors.PLUGINS,
     *integrators.PLUGINS,
     *media.PLUGINS,

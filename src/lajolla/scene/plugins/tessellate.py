@@ -67,6 +67,38 @@ def cylinder_arrays(values: dict[str, Any]) -> MeshArrays:
     return _arrays(vertices, faces, normals, np.concatenate([u, v], axis=1))
 
 
+TUBE_SIDES = 8
+
+
+def tube_arrays(points: Array, segments: npt.NDArray[np.uint32], basis: str) -> MeshArrays:
+    """Open tubes around segments of curves with control points (N, 4) in world space."""
+    steps = 2 if basis == "linear" else 5
+    t = np.linspace(0, 1, steps)[:, None]
+    if basis == "linear":
+        weights, slopes = np.hstack([1 - t, t]), np.tile([-1.0, 1], (steps, 1))
+    else:
+        w = 1 - t
+        weights = np.hstack([w**3, 3 * t**3 - 6 * t**2 + 4, 3 * w**3 - 6 * w**2 + 4, t**3]) / 6
+        slopes = np.hstack([-(w**2), 3 * t**2 - 4 * t, 4 * w - 3 * w**2, t**2]) / 2
+    control = points[segments[:, None] + np.arange(weights.shape[1])]  # (segments, points, 4)
+    rings = np.einsum("sp,mpc->msc", weights, control)
+    tangents = np.einsum("sp,mpc->msc", slopes, control[..., :3])
+    tangents /= np.maximum(np.linalg.norm(tangents, axis=-1, keepdims=True), 1e-30)
+    upright = np.abs(tangents[..., 2:]) > 0.99
+    s = np.cross(tangents, np.where(upright, [1.0, 0, 0], [0, 0, 1.0]))
+    s /= np.linalg.norm(s, axis=-1, keepdims=True)
+    angle = np.linspace(0, 2 * np.pi, TUBE_SIDES + 1)[:, None]
+    normals = np.cos(angle) * s[:, :, None] + np.sin(angle) * np.cross(tangents, s)[:, :, None]
+    vertices = rings[:, :, None, :3] + rings[:, :, None, 3:] * normals
+    per_segment = steps * (TUBE_SIDES + 1)
+    faces = (
+        _grid_faces(steps - 1, TUBE_SIDES)[:, ::-1] + per_segment * np.arange(len(segments))[:, None, None]
+    )
+    v = (np.arange(len(segments))[:, None] + t[:, 0]) / max(len(segments), 1)
+    uvs = np.stack(np.broadcast_arrays(angle[:, 0] / (2 * np.pi), v[..., None]), axis=-1)
+    return _arrays(vertices.reshape(-1, 3), faces.reshape(-1, 3), normals.reshape(-1, 3), uvs.reshape(-1, 2))
+
+
 def _grid_faces(rows: int, columns: int) -> Array:
     """Two triangles per cell of a grid of (rows + 1) x (columns + 1) vertices."""
     first = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).reshape(-1, 1)
