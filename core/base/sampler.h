@@ -94,7 +94,20 @@ struct BounceSample {
 // The numbers that start a path.
 struct CameraSample {
     Vec2f film, lens;
-    float flight;
+    float flight, channel;
+};
+
+// Numbers for decisions that nobody can count beforehand, such as collisions in a medium: a hashed counter
+// (Steele et al. 2014, "Fast splittable pseudorandom number generators").
+class NumberStream {
+public:
+    explicit NumberStream(std::uint64_t key) : state_(key) {}
+    float next() {
+        return static_cast<float>(detail::mix64(state_ += 0x9e3779b97f4a7c15ull) >> 40) * 0x1p-24f;
+    }
+
+private:
+    std::uint64_t state_;
 };
 
 enum class SequenceKind { sobol, independent };
@@ -109,9 +122,13 @@ public:
 
     CameraSample camera() const {
         const auto u = block(0);
-        return {{u[0], u[1]}, {u[2], u[3]}, u[4]};
+        return {{u[0], u[1]}, {u[2], u[3]}, u[4], u[5]};
     }
     BounceSample bounce(std::uint32_t depth) const { return std::bit_cast<BounceSample>(block(depth + 1)); }
+    // One of many streams of independent numbers.
+    NumberStream stream(std::uint32_t number) const {
+        return NumberStream(detail::mix64(detail::mix64(~pixel_ + number) ^ index_));
+    }
 
 private:
     // Sobol': each pair of dimensions is a two-dimensional Owen-scrambled sequence of its own, its index

@@ -10,6 +10,7 @@
 #include "python/arrays.h"
 #include "python/describe.h"
 #include "python/scene.h"
+#include "transport/visibility.h"
 
 namespace lajolla {
 
@@ -35,10 +36,8 @@ DirectSample sample_light(const Scene &scene, Index index, Vec3f p, Vec3f u) {
 
 // Whether a light's sample is seen from p, as a path's shadow ray finds out.
 bool sees(const Scene &scene, Tracer &tracer, Vec3f p, const DirectSample &sample) {
-    Hit here{}; // without a normal: rays start at p itself
-    here.position = p;
-    here.position_error = position_error(max_component(abs(p)));
-    return transmittance(scene, tracer, here, sample) > 0;
+    const auto light = arrival(scene, tracer, MediumVertex{p, {}, {}}, sample, Vacuum());
+    return light && light->value() > 0;
 }
 
 nb::dict emitter_sample_many(const RenderableScene &self, const Point &point, const Rows<3> &u, Index index) {

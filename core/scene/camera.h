@@ -19,7 +19,9 @@ constexpr auto choices(FovAxis) { return std::array{"x", "y", "diagonal", "small
 struct CameraRay {
     Ray ray;
     RayCone cone;
-    float flight = 0; // a uniform number: what happens on the way to the first vertex
+    // Uniform numbers: what happens on the way to the first vertex, and by which channel the path samples
+    // media.
+    float flight = 0, channel = 0;
 };
 
 struct Perspective {

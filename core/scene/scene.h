@@ -66,6 +66,7 @@ public:
     const Accel &accel() const { return *accel_; }
     const LightPicker &lights() const { return picker_; }
     const Media &media() const { return parts_.media; }
+    std::int32_t camera_medium() const { return parts_.camera_medium; }
     const Film &film() const { return parts_.film; }
     const FilterSampler &filter() const { return filter_; }
     const SceneParts &parts() const { return parts_; }

@@ -1,12 +1,15 @@
 #pragma once
 // Path tracing: emission is gathered along paths that grow from the camera, by sampling lights and by
-// sampling BSDFs, combined with multiple importance sampling (Veach 1997, chapters 8 to 10).
+// sampling BSDFs and phase functions, combined with multiple importance sampling (Veach 1997, chapters 8 to
+// 10). One loop serves surfaces and media; where a scene has no media, the compiler has left them out.
 
 #include <array>
 
 #include "base/fields.h"
 #include "base/sampler.h"
 #include "scene/scene.h"
+#include "transport/media.h"
+#include "transport/vertex.h"
 #include "transport/visibility.h"
 
 namespace lajolla {
@@ -17,6 +20,9 @@ constexpr auto choices(Strategy) { return std::array{"mis", "bsdf", "light"}; }
 
 // Where roulette sets in at the latest, so that no path lasts for ever.
 inline constexpr int longest_without_roulette = 4096;
+// The highest chance of survival at surfaces. In media, where light is scattered by the thousand without
+// losing much, it would be ruinous: paths that have lost nothing go on there.
+inline constexpr float highest_survival = 0.95f;
 
 struct Path {
     static constexpr const char *name = "path";
@@ -37,26 +43,65 @@ struct Path {
     }
 
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                      const CameraRay &camera) const;
+                      const CameraRay &camera) const {
+        return trace<Vacuum>(scene, tracer, sampler, camera);
+    }
+
+protected:
+    // What the first steps of `volpath` leave out.
+    bool surfaces_scatter = true, media_scatter = true;
+
+    // The radiance along a camera ray; Medium is InMedia, or Vacuum.
+    template <class Medium>
+    Spectrum trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, const CameraRay &camera) const;
 
 private:
     // Where a ray came from: what the weight of a light that it hits depends on.
     struct Departure {
         Vec3f position;
-        float pdf;
+        float pdf;  // of this direction, and of coming as far as the ray has
         bool delta; // light sampling had no chance to find this direction
     };
 
     // The weight of radiance found by hitting a light that light sampling picks with density `light_pdf`.
     float weight_of_hit(const Departure &from, float light_pdf) const;
-    // The weight of radiance found by sampling a light towards which the BSDF scatters with density
-    // `bsdf_pdf`.
-    float weight_of_light(const DirectSample &light, float bsdf_pdf) const;
+    // The weight of radiance found by sampling a light that the path itself hits with density `path_pdf`.
+    float weight_of_light(const DirectSample &light, float path_pdf) const;
 
-    // Light that arrives at the surface straight from a sampled point on a light, and is scattered towards
-    // wo.
-    Spectrum direct(const Scene &scene, Tracer &tracer, const Hit &hit, const Surface &surface,
-                    const BounceSample &u) const;
+    // Light that arrives at a vertex straight from a sampled point on a light, and is scattered along the
+    // path.
+    template <class Vertex, class Medium>
+    Spectrum direct(const Scene &scene, Tracer &tracer, const Vertex &vertex, const BounceSample &u,
+                    const Medium &medium) const;
+
+    // A path on its way.
+    template <class Medium>
+    struct Walk {
+        Ray ray;
+        RayCone cone;
+        Departure from;
+        float flight; // decides what happens between two vertices
+        Medium medium;
+        Spectrum radiance{0}, throughput{1};
+        float eta = 1;           // of the substance the ray is in, relative to the camera's
+        int depth = 1;           // segments so far
+        int passages = 0;        // surfaces that the path went straight through
+        std::uint32_t block = 1; // of the sampler's numbers
+    };
+
+    // Follows the ray through the medium that it is in, up to what was found, and scatters the path where it
+    // collides before.
+    enum class Course { passed, scattered, ended };
+    Course cross_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler, const BounceSample &u,
+                        const std::optional<RayHit> &found, Walk<InMedia> &walk) const;
+    // Scatters the path at a surface; false where it ends.
+    template <class Medium>
+    bool scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler, const BounceSample &u,
+                            const Hit &hit, Walk<Medium> &walk) const;
+    // After scattering: the numbers for what follows, and Russian roulette on the throughput without its
+    // eta^2, so that entering glass does not make paths die; `highest` chance of survival.
+    template <class Medium>
+    bool goes_on(const Sampler &sampler, const BounceSample &u, float highest, Walk<Medium> &walk) const;
 };
 
 // Veach 1997, equation 9.13 with beta = 2, for one sample of each strategy.
@@ -71,96 +116,145 @@ inline float Path::weight_of_hit(const Departure &from, float light_pdf) const {
     return power_heuristic(from.pdf, light_pdf);
 }
 
-inline float Path::weight_of_light(const DirectSample &light, float bsdf_pdf) const {
+inline float Path::weight_of_light(const DirectSample &light, float path_pdf) const {
     if (light.delta || strategy == Strategy::light) return 1;
-    return strategy == Strategy::bsdf ? 0 : power_heuristic(light.pdf, bsdf_pdf);
+    return strategy == Strategy::bsdf ? 0 : power_heuristic(light.pdf, path_pdf);
 }
 
-inline Spectrum Path::direct(const Scene &scene, Tracer &tracer, const Hit &hit, const Surface &surface,
-                             const BounceSample &u) const {
-    if (surface.sharp || scene.lights().empty()) return Spectrum(0);
-    const DirectSample light = scene.lights().sample_direct(hit.position, u.light, u.light_uv);
-    if (light.pdf == 0) return Spectrum(0);
-    const BsdfEval bsdf = eval(surface.lobe, surface.wo, surface.frame.to_local(light.wi));
-    const float weight = weight_of_light(light, bsdf.pdf);
-    if (is_black(bsdf.f_cos) || weight == 0) return Spectrum(0);
-    const float visible = transmittance(scene, tracer, hit, light);
-    return bsdf.f_cos * light.radiance * (visible * weight / (light.pdf * sqr(bsdf.eta)));
+template <class Vertex, class Medium>
+Spectrum Path::direct(const Scene &scene, Tracer &tracer, const Vertex &vertex, const BounceSample &u,
+                      const Medium &medium) const {
+    if (scene.lights().empty()) return Spectrum(0);
+    const DirectSample light = scene.lights().sample_direct(vertex.position(), u.light, u.light_uv);
+    if (light.pdf == 0 || (strategy == Strategy::bsdf && !light.delta)) return Spectrum(0);
+    const BsdfEval f = vertex.eval(light.wi);
+    if (is_black(f.f_cos)) return Spectrum(0);
+    const auto arrived = arrival(scene, tracer, vertex, light, medium);
+    if (!arrived) return Spectrum(0);
+    const float weight = weight_of_light(light, f.pdf * medium.reach(*arrived));
+    return f.f_cos * light.radiance * arrived->value() * (weight / (light.pdf * sqr(f.eta)));
 }
 
-inline Spectrum Path::radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                               const CameraRay &camera) const {
-    Ray ray = camera.ray;
-    RayCone cone = camera.cone;
-    Spectrum radiance(0), throughput(1);
-    Departure from{ray.origin, 1, true};
-    float eta = 1;                // of the medium the ray is in, relative to the camera's
-    float flight = camera.flight; // decides what happens between two vertices
-    int passages = 0;             // surfaces that the path went straight through
+template <class Medium>
+bool Path::goes_on(const Sampler &sampler, const BounceSample &u, float highest, Walk<Medium> &walk) const {
+    walk.flight = u.flight;
+    walk.medium.next_flight(sampler, ++walk.block);
+    if (walk.depth <= std::min(rr_depth, longest_without_roulette)) return true;
+    if (walk.depth > longest_without_roulette) highest = std::min(highest, 0.999f);
+    const float survival = std::min(max_component(walk.throughput) * sqr(walk.eta), highest);
+    if (u.roulette >= survival) return false;
+    walk.throughput /= survival;
+    return true;
+}
 
-    for (int depth = 1; depth <= max_depth || max_depth < 0;) {
+inline Path::Course Path::cross_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                                       const BounceSample &u, const std::optional<RayHit> &found,
+                                       Walk<InMedia> &walk) const {
+    Ray piece = walk.ray;
+    if (found) piece.far = found->distance;
+    const Flight flight = walk.medium.fly(scene, piece, walk.flight);
+    walk.radiance += walk.throughput * flight.emitted;
+    walk.throughput *= flight.weight;
+    walk.from.pdf *= flight.pdf;
+    if (is_black(walk.throughput) || (flight.collision && walk.depth == max_depth)) return Course::ended;
+    if (!flight.collision) return Course::passed;
+
+    const MediumVertex vertex{*flight.collision, -piece.direction,
+                              scene.media().phase(walk.medium.current, *flight.collision)};
+    walk.radiance +=
+        walk.throughput * direct(scene, tracer, vertex, u, walk.medium.for_shadow_ray(sampler, walk.block));
+    const PhaseSample scattered = vertex.phase.sample(vertex.wo, u.lobe, u.bsdf_uv);
+    walk.from = {vertex.point, scattered.pdf, false};
+    walk.ray = {vertex.point, scattered.wi};
+    walk.cone = walk.cone.at(length(vertex.point - piece.origin)).scattered(0, 1, 1);
+    ++walk.depth;
+    return Course::scattered;
+}
+
+template <class Medium>
+bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                              const BounceSample &u, const Hit &hit, Walk<Medium> &walk) const {
+    const Surface surface = scene.surface(hit, -walk.ray.direction);
+    if (surface.black) return false;
+    if (!surface.sharp)
+        walk.radiance += walk.throughput * direct(scene, tracer, SurfaceVertex{hit, surface}, u,
+                                                  walk.medium.for_shadow_ray(sampler, walk.block));
+
+    const auto scattered = sample(surface.lobe, surface.wo, u.lobe, u.bsdf_uv);
+    if (!scattered) return false;
+    // Radiance over eta^2 is what stays constant along a ray that refracts (Veach 1997, section 5.2).
+    walk.throughput *= scattered->weight;
+    if (scattered->eta != 1) {
+        walk.throughput /= sqr(scattered->eta);
+        walk.eta *= scattered->eta;
+    }
+    walk.from = {hit.position, scattered->pdf, surface.sharp || scattered->is_delta()};
+    walk.ray.direction = surface.frame.to_world(scattered->wi);
+    walk.ray.origin = leave(hit, walk.ray.direction);
+    walk.ray.near = 0;
+    walk.ray.far = infinity;
+    walk.medium.cross(hit, walk.ray.direction);
+    if (scene.reads_footprints())
+        walk.cone = scattered->kind == ScatterKind::null
+                        ? hit.footprint
+                        : hit.footprint.scattered(hit.mean_curvature, scattered->width(), scattered->eta);
+    // As in Mitsuba, a pane of glass is a bounce for `path` and none for `volpath`.
+    if (!Medium::present || scattered->kind != ScatterKind::null) ++walk.depth;
+    else if (++walk.passages > max_passages) return false;
+    return true;
+}
+
+template <class Medium>
+Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                     const CameraRay &camera) const {
+    Walk<Medium> walk{camera.ray,
+                      camera.cone,
+                      {camera.ray.origin, 1, true},
+                      camera.flight,
+                      Medium(scene, camera, sampler, media_scatter)};
+    while (walk.depth <= max_depth || max_depth < 0) {
         // Drawn before the ray is traced: the processor computes both at once.
-        const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(depth));
-        const auto found = tracer.closest(ray);
+        const BounceSample u = sampler.bounce(walk.block);
+        const auto found = tracer.closest(walk.ray);
+        if constexpr (Medium::present)
+            if (walk.medium.current >= 0) {
+                const Course course = cross_medium(scene, tracer, sampler, u, found, walk);
+                if (course == Course::scattered && goes_on(sampler, u, 1, walk)) continue;
+                if (course != Course::passed) break;
+            }
         if (!found) {
-            if (depth > 1 || !hide_emitters)
-                radiance +=
-                    throughput * scene.lights().environment(ray.direction) *
-                    weight_of_hit(from, from.delta ? 0 : scene.lights().pdf_environment(ray.direction));
+            if (walk.depth > 1 || !hide_emitters)
+                walk.radiance +=
+                    walk.throughput * scene.lights().environment(walk.ray.direction) *
+                    weight_of_hit(walk.from,
+                                  walk.from.delta ? 0 : scene.lights().pdf_environment(walk.ray.direction));
             break;
         }
-        const Hit hit = scene.hit(ray, *found, cone);
-        const Vec3f wo = -ray.direction;
-        const bool hidden = hide_emitters && depth == 1 && hit.emitter >= 0;
+        const Hit hit = scene.hit(walk.ray, *found, walk.cone);
+        const bool hidden = hide_emitters && walk.depth == 1 && hit.emitter >= 0;
         if (hit.emitter >= 0 && !hidden)
-            radiance += throughput * scene.lights().emitted(hit, wo) *
-                        weight_of_hit(
-                            from, from.delta ? 0 : scene.lights().pdf_hit(from.position, hit, ray.direction));
+            walk.radiance +=
+                walk.throughput * scene.lights().emitted(hit, -walk.ray.direction) *
+                weight_of_hit(walk.from, walk.from.delta ? 0
+                                                         : scene.lights().pdf_hit(walk.from.position, hit,
+                                                                                  walk.ray.direction));
 
-        if (hidden || (scene.has_passages() && passes(scene.passage(hit), flight))) {
-            if (++passages > max_passages) break;
-            ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
-            cone = hit.footprint;
+        const float passage = hidden ? 1 : scene.has_passages() ? scene.passage(hit) : 0;
+        if (passes(passage, walk.flight)) {
+            if (++walk.passages > max_passages) break;
+            walk.from.pdf *= passage;
+            walk.ray = {leave(hit, walk.ray.direction), walk.ray.direction, 0, walk.ray.far - hit.distance};
+            walk.cone = hit.footprint;
+            walk.medium.cross(hit, walk.ray.direction);
             continue;
         }
-        if (depth == max_depth) break;
-
-        const Surface surface = scene.surface(hit, wo);
-        if (surface.black) break;
-        radiance += throughput * direct(scene, tracer, hit, surface, u);
-
-        const auto scattered = sample(surface.lobe, surface.wo, u.lobe, u.bsdf_uv);
-        if (!scattered) break;
-        // Radiance over eta^2 is what stays constant along a ray that refracts (Veach 1997, section 5.2).
-        throughput *= scattered->weight;
-        if (scattered->eta != 1) {
-            throughput /= sqr(scattered->eta);
-            eta *= scattered->eta;
-        }
-        if (!is_finite(throughput)) [[unlikely]]
-            return throughput; // whoever takes the sample counts it
-        from.position = hit.position;
-        from.pdf = scattered->pdf;
-        from.delta = surface.sharp || scattered->is_delta();
-        ray.direction = surface.frame.to_world(scattered->wi);
-        ray.origin = leave(hit, ray.direction);
-        ray.near = 0;
-        ray.far = infinity;
-        if (scene.reads_footprints())
-            cone = scattered->kind == ScatterKind::null
-                       ? hit.footprint
-                       : hit.footprint.scattered(hit.mean_curvature, scattered->width(), scattered->eta);
-
-        ++depth;
-        flight = u.flight;
-        // Roulette on the throughput without its eta^2, so that entering glass does not make paths die.
-        const float survival = std::min(max_component(throughput) * sqr(eta), 0.95f);
-        if (depth > std::min(rr_depth, longest_without_roulette)) {
-            if (u.roulette >= survival) break;
-            throughput /= survival;
-        }
+        if (walk.depth == max_depth || !surfaces_scatter) break;
+        if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) break;
+        if (!is_finite(walk.throughput)) [[unlikely]]
+            return walk.throughput; // whoever takes the sample counts it
+        if (!goes_on(sampler, u, highest_survival, walk)) break;
     }
-    return radiance;
+    return walk.radiance;
 }
 
 } // namespace lajolla

@@ -70,6 +70,7 @@ Spectrum take_sample(const Scene &scene, const Model &integrator, const Sampler 
                              static_cast<float>(film.height)};
     CameraRay camera = scene.camera_ray(position, u.lens);
     camera.flight = u.flight;
+    camera.channel = u.channel;
     return integrator.radiance(scene, tracer, sampler, camera) * offset.weight;
 }
 

@@ -9,10 +9,12 @@
 
 #include "transport/path.h"
 #include "transport/views.h"
+#include "transport/volpath.h"
 
 namespace lajolla {
 
-using Integrator = std::variant<Path, Depth, ShadingNormal, MeanCurvature, RayDifferentialView, MipmapLevel>;
+using Integrator =
+    std::variant<Path, VolPath, Depth, ShadingNormal, MeanCurvature, RayDifferentialView, MipmapLevel>;
 
 // One sample of one pixel; pixels count over the whole film.
 struct SampleId {

@@ -2,6 +2,7 @@
 // Light between two vertices.
 
 #include "scene/scene.h"
+#include "transport/media.h"
 
 namespace lajolla {
 
@@ -26,22 +27,38 @@ inline Ray shadow_ray(const Vec3f &origin, float origin_error, const DirectSampl
     return {origin, light.target - origin, 0, std::min(1 - origin_error / light.distance, one_minus_ulp)};
 }
 
-// The fraction of a sampled light that reaches a hit.
-inline float transmittance(const Scene &scene, Tracer &tracer, const Hit &hit, const DirectSample &light) {
-    Ray ray = shadow_ray(leave(hit, light.wi), hit.position_error, light);
-    if (!scene.has_passages()) return tracer.occluded(ray) ? 0.0f : 1.0f;
-
-    float result = 1;
+// What remains of a sampled light at a vertex; nothing where something opaque is in between. `medium` draws
+// its numbers for this ray.
+template <class Vertex, class Medium>
+std::optional<typename Medium::Light> arrival(const Scene &scene, Tracer &tracer, const Vertex &vertex,
+                                              const DirectSample &light, Medium medium) {
+    typename Medium::Light result;
+    const auto attenuate = [&](const Ray &ray, float t) {
+        medium.attenuate(scene, {ray.origin, light.wi, 0, t * length(ray.direction)}, result);
+    };
+    vertex.enter(medium, light.wi);
+    Ray ray = shadow_ray(vertex.leave(light.wi), vertex.position_error(), light);
+    if (!scene.has_passages()) {
+        if (tracer.occluded(ray)) return std::nullopt;
+        attenuate(ray, ray.far);
+        return result;
+    }
     for (int passages = 0; passages < max_passages; ++passages) {
         const auto found = tracer.closest(ray);
-        if (!found) return result;
+        if (!found) {
+            attenuate(ray, ray.far);
+            return result;
+        }
         const Hit surface = scene.hit(ray, *found, {});
-        result *= scene.passage(surface);
-        if (result == 0) return 0;
-        ray = shadow_ray(leave(surface, light.wi), hit.position_error, light);
+        const float passage = scene.passage(surface);
+        if (passage == 0) break;
+        attenuate(ray, found->distance);
+        result.pass(passage);
+        medium.cross(surface, light.wi);
+        ray = shadow_ray(leave(surface, light.wi), vertex.position_error(), light);
         if (dot(ray.direction, light.wi) <= 0) return result;
     }
-    return 0;
+    return std::nullopt;
 }
 
 } // namespace lajolla

@@ -46,7 +46,7 @@ HARMLESS = {
     "shape": ("name",),
     "medium": ("sample_emitters", "has_spectral_extinction", "method", "step_size"),
     "volume": ("raw", "accel", "max_value", "send_data"),
-    "integrator": ("samples_per_pass", "block_size", "timeout", "cache_dimension"),
+    "integrator": ("samples_per_pass", "block_size", "timeout", "cache_dimension", "use_spectral_mis"),
 }
 
 

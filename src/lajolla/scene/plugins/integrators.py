@@ -1,4 +1,4 @@
-"""Integrators that are `path` in other words."""
+"""Integrators that are `path` or `volpath` in other words."""
 
 from __future__ import annotations
 
@@ -19,6 +19,10 @@ def _direct(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
     return {"type": "path", "max_depth": 2, "strategy": strategy, **values}
 
 
+def _volpath(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "volpath", **values}
+
+
 SAMPLES = "only 0 makes a difference: this strategy is not used"
 
 PLUGINS = (
@@ -35,4 +39,6 @@ PLUGINS = (
         model="path",
         hidden=("max_depth", "rr_depth", "strategy"),
     ),
+    Plugin("integrator", "volpathmis", "The same as volpath.", (), _volpath, model="volpath"),
+    Plugin("integrator", "volpath_simple", "The same as volpath.", (), _volpath, model="volpath"),
 )

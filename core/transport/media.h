@@ -1,0 +1,247 @@
+#pragma once
+// Light inside media: where a path collides on its way, and what remains of the light along a shadow ray.
+// docs/media.md derives the estimators; the names are the same.
+
+#include <optional>
+#include <utility>
+
+#include "base/sampler.h"
+#include "scene/scene.h"
+
+namespace lajolla {
+
+// Flights and shadow rays end in darkness after more collisions than this: a guard against volumes of which a
+// corner is a million times as dense as the rest of its cell of the majorant grid.
+inline constexpr int max_collisions = 1 << 16;
+
+// Between surfaces there is nothing: the loop is compiled for this where a scene has no media.
+struct Vacuum {
+    static constexpr bool present = false;
+
+    // What remains of light along a shadow ray.
+    struct Light {
+        float fraction = 1;
+        float value() const { return fraction; }
+        void pass(float part) { fraction *= part; }
+    };
+
+    Vacuum() = default;
+    Vacuum(const Scene &, const CameraRay &, const Sampler &, bool) {}
+    void next_flight(const Sampler &, std::uint32_t) {}
+    const Vacuum &for_shadow_ray(const Sampler &, std::uint32_t) const { return *this; }
+    void cross(const Hit &, const Vec3f &) {}
+    void attenuate(const Scene &, const Ray &, Light &) {}
+    float reach(const Light &light) const { return light.fraction; }
+};
+
+// What happens to a path on one straight piece of its way through a medium.
+struct Flight {
+    std::optional<Vec3f> collision; // where it is scattered; none where it comes to the end of the piece
+    Spectrum weight{1};             // of all that comes from there
+    Spectrum emitted{0};            // by the medium on the way, weighted
+    float pdf = 1;                  // of coming to the end: of all that did not happen
+};
+
+// What a path's state gains in media. Distances are sampled by the extinction of one channel. Each of the
+// three could have been the one, so the estimate is weighted by the balance heuristic over them (Miller et
+// al. 2019, "A null-scattering path integral formulation of light transport").
+class InMedia {
+public:
+    static constexpr bool present = true;
+
+    // What remains of light along a shadow ray.
+    struct Light {
+        Spectrum fraction{1};
+        Spectrum reach{1};  // the density of a path coming this far, sampled by each channel: see Flight::pdf
+        float survival = 1; // the probability that the ray was followed to its end
+
+        Spectrum value() const { return fraction / survival; }
+        void pass(float part) {
+            fraction *= part;
+            reach *= part;
+        }
+    };
+
+    InMedia(const Scene &scene, const CameraRay &camera, const Sampler &sampler, bool scatters)
+        : current(scene.camera_medium()), scatters_(scatters),
+          channel_(std::min(static_cast<std::size_t>(camera.channel * 3), std::size_t(2))),
+          numbers_(sampler.stream(0)) {}
+
+    std::int32_t current; // the medium that the ray is in, -1 for none
+
+    // Takes the numbers of the flight from a vertex, and of the shadow ray from there.
+    void next_flight(const Sampler &sampler, std::uint32_t vertex) { numbers_ = sampler.stream(2 * vertex); }
+    InMedia for_shadow_ray(const Sampler &sampler, std::uint32_t vertex) const {
+        InMedia result = *this;
+        result.numbers_ = sampler.stream(2 * vertex + 1);
+        return result;
+    }
+
+    // Surfaces tell which medium a ray is in that leaves them.
+    void cross(const Hit &hit, const Vec3f &direction) {
+        if (hit.interior >= 0 || hit.exterior >= 0)
+            current = dot(hit.normal, direction) > 0 ? hit.exterior : hit.interior;
+    }
+
+    // From the near to the far end of the ray, or to a collision before. `u` is a uniform number; what it is
+    // afterwards has not been used.
+    Flight fly(const Scene &scene, const Ray &ray, float &u);
+
+    // Attenuates light along the whole ray.
+    void attenuate(const Scene &scene, const Ray &ray, Light &light);
+    // The density of a path coming as far as the light, sampled by any channel.
+    float reach(const Light &light) const { return mean(density_ * light.reach); }
+
+private:
+    Flight fly(const Homogeneous &model, const Media &media, const Ray &ray, float &u);
+    Flight fly(const Heterogeneous &model, const Media &media, const Ray &ray, float &u);
+    void attenuate(const Homogeneous &model, const Media &media, const Ray &ray, Light &light);
+    void attenuate(const Heterogeneous &model, const Media &media, const Ray &ray, Light &light);
+
+    Coefficients coefficients(const Media &media, const Vec3f &position, const Vec3f &direction) const {
+        Coefficients result = media.coefficients(current, position, direction);
+        if (!scatters_) result.sigma_s = Spectrum(0);
+        return result;
+    }
+
+    float draw(float &u) { return std::exchange(u, numbers_.next()); }
+    float event(const Spectrum &f, const Spectrum &p, Spectrum &weight);
+
+    bool scatters_;       // otherwise scattering is left out: media absorb and emit only
+    std::size_t channel_; // that distances are sampled by, on the whole path
+    Spectrum density_{1}; // of the path so far, sampled by each channel, over the mean of the three
+    NumberStream numbers_;
+};
+
+namespace detail {
+
+inline Spectrum exp_minus(const Spectrum &sigma, float distance) {
+    const auto one = [&](float s) { return s > 0 ? std::exp(-s * distance) : 1.0f; };
+    return {one(sigma.x), one(sigma.y), one(sigma.z)};
+}
+
+// The integral of exp(-sigma s) over s from 0 to `distance`.
+inline Spectrum mean_free_part(const Spectrum &sigma, float distance) {
+    const auto one = [&](float s) { return s > 0 ? -std::expm1(-s * distance) / s : distance; };
+    return {one(sigma.x), one(sigma.y), one(sigma.z)};
+}
+
+// The optical thickness until the next collision.
+inline float sample_thickness(float u) { return -std::log1p(-u); }
+
+} // namespace detail
+
+// The path goes on by an event that multiplies what it carries by f, and that has probability (or density)
+// p_c if distances are sampled by channel c. Returns that of the event by any of them.
+inline float InMedia::event(const Spectrum &f, const Spectrum &p, Spectrum &weight) {
+    density_ *= p;
+    const float any = mean(density_);
+    if (!(any > 0)) { // too improbable for a float
+        weight = Spectrum(0);
+        return 0;
+    }
+    density_ /= any;
+    weight *= f / any;
+    return any;
+}
+
+// In closed form. A medium that only absorbs has no collisions: its weight is exact.
+inline Flight InMedia::fly(const Homogeneous &, const Media &media, const Ray &ray, float &u) {
+    const Coefficients at = coefficients(media, ray.origin, ray.direction);
+    const Spectrum sigma_t = at.sigma_t();
+    const float length = ray.far - ray.near;
+    Flight flight;
+    if (!is_black(at.emission)) flight.emitted = at.emission * detail::mean_free_part(sigma_t, length);
+    if (is_black(at.sigma_s)) {
+        flight.weight = detail::exp_minus(sigma_t, length);
+        return flight;
+    }
+    const float distance = detail::sample_thickness(draw(u)) / sigma_t[channel_];
+    if (distance < length) {
+        const Spectrum transmitted = detail::exp_minus(sigma_t, distance);
+        flight.collision = ray.origin + ray.direction * (ray.near + distance);
+        event(transmitted * at.sigma_s, transmitted * sigma_t, flight.weight);
+    } else {
+        const Spectrum transmitted = detail::exp_minus(sigma_t, length);
+        flight.pdf = event(transmitted, transmitted, flight.weight);
+    }
+    return flight;
+}
+
+// Delta tracking (Woodcock et al. 1965) below majorants that are constant in pieces. They are alike for all
+// channels, and for sampling lights: their densities cancel, and only what a collision turns out to be
+// counts.
+inline Flight InMedia::fly(const Heterogeneous &model, const Media &media, const Ray &ray, float &u) {
+    Flight flight;
+    float thickness = detail::sample_thickness(draw(u));
+    int collisions = 0;
+    model.majorants.traverse(ray, [&](float t, float end, float majorant) {
+        while (thickness < (end - t) * majorant) {
+            if (++collisions > max_collisions) {
+                flight.weight = Spectrum(0);
+                return false;
+            }
+            t += thickness / majorant;
+            thickness = detail::sample_thickness(draw(u));
+            const Vec3f position = ray.origin + ray.direction * t;
+            const Coefficients at = coefficients(media, position, ray.direction);
+            flight.emitted += flight.weight * at.emission / majorant;
+            const Spectrum real = min(at.sigma_t() / majorant, Spectrum(1));
+            if (draw(u) < real[channel_]) {
+                flight.collision = position;
+                event(at.sigma_s / majorant, real, flight.weight);
+                return false;
+            }
+            const Spectrum null = Spectrum(1) - real;
+            flight.pdf *= event(null, null, flight.weight);
+        }
+        thickness -= (end - t) * majorant;
+        return true;
+    });
+    return flight;
+}
+
+// Closed form.
+inline void InMedia::attenuate(const Homogeneous &, const Media &media, const Ray &ray, Light &light) {
+    const Coefficients at = coefficients(media, ray.origin, ray.direction);
+    const Spectrum transmitted = detail::exp_minus(at.sigma_t(), ray.far - ray.near);
+    light.fraction *= transmitted;
+    if (!is_black(at.sigma_s)) light.reach *= transmitted;
+}
+
+// Ratio tracking (Novák et al. 2014, "Residual ratio tracking for estimating attenuation in participating
+// media"), which roulette ends where little is left.
+inline void InMedia::attenuate(const Heterogeneous &model, const Media &media, const Ray &ray, Light &light) {
+    float thickness = detail::sample_thickness(numbers_.next());
+    int collisions = 0;
+    model.majorants.traverse(ray, [&](float t, float end, float majorant) {
+        while (thickness < (end - t) * majorant) {
+            t += thickness / majorant;
+            thickness = detail::sample_thickness(numbers_.next());
+            const Coefficients at = coefficients(media, ray.origin + ray.direction * t, ray.direction);
+            const Spectrum null = max(Spectrum(1) - at.sigma_t() / majorant, Spectrum(0));
+            light.fraction *= null;
+            light.reach *= null;
+            if (max_component(light.fraction) < 0.1f * light.survival) {
+                light.survival *= 0.5f;
+                if (numbers_.next() >= 0.5f) light.fraction = Spectrum(0);
+            }
+            if (++collisions > max_collisions) light.fraction = Spectrum(0);
+            if (is_black(light.fraction)) return false;
+        }
+        thickness -= (end - t) * majorant;
+        return true;
+    });
+}
+
+inline Flight InMedia::fly(const Scene &scene, const Ray &ray, float &u) {
+    return match(scene.media()[current],
+                 [&](const auto &model) { return fly(model, scene.media(), ray, u); });
+}
+
+inline void InMedia::attenuate(const Scene &scene, const Ray &ray, Light &light) {
+    if (current < 0) return;
+    match(scene.media()[current], [&](const auto &model) { attenuate(model, scene.media(), ray, light); });
+}
+
+} // namespace lajolla

@@ -1,0 +1,36 @@
+#pragma once
+// Where a path is scattered: the two kinds of vertices, alike in what light sampling asks of them. Values of
+// eval() are for light from wi that goes on along the path.
+
+#include "scene/scene.h"
+
+namespace lajolla {
+
+struct SurfaceVertex {
+    const Hit &hit;
+    const Surface &surface;
+
+    const Vec3f &position() const { return hit.position; }
+    float position_error() const { return hit.position_error; }
+    Vec3f leave(const Vec3f &wi) const { return lajolla::leave(hit, wi); }
+    void enter(auto &medium, const Vec3f &wi) const { medium.cross(hit, wi); }
+    BsdfEval eval(const Vec3f &wi) const {
+        return lajolla::eval(surface.lobe, surface.wo, surface.frame.to_local(wi));
+    }
+};
+
+struct MediumVertex {
+    Vec3f point, wo;
+    PhaseLobe phase;
+
+    const Vec3f &position() const { return point; }
+    float position_error() const { return lajolla::position_error(max_component(abs(point))); }
+    const Vec3f &leave(const Vec3f &) const { return point; }
+    void enter(const auto &, const Vec3f &) const {}
+    BsdfEval eval(const Vec3f &wi) const {
+        const float value = phase.eval(wo, wi);
+        return {Spectrum(value), value};
+    }
+};
+
+} // namespace lajolla

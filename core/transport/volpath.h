@@ -1,0 +1,39 @@
+#pragma once
+
+#include "transport/path.h"
+
+namespace lajolla {
+
+struct VolPath : Path {
+    static constexpr const char *name = "volpath";
+    static constexpr const char *doc = "Path tracing through surfaces and media.";
+    int version = 6;
+
+    static constexpr auto fields() {
+        return std::tuple_cat(
+            Path::fields(),
+            std::tuple(
+                field("version", &VolPath::version,
+                      "what is rendered: 1 absorption alone, 2 what media scatter once, 3 more than once and "
+                      "found by sampling phase functions, 4 lights too, 5 surfaces too, 6 all media: alike "
+                      "with 5")
+                    .range(1, 6)));
+    }
+
+    void build() {
+        media_scatter = version > 1;
+        surfaces_scatter = version > 4;
+        const int longest = version == 1 ? 1 : version == 2 ? 2 : -1;
+        if (longest > 0 && (max_depth < 0 || max_depth > longest)) max_depth = longest;
+        if (version == 2) strategy = Strategy::light;
+        if (version == 3) strategy = Strategy::bsdf;
+    }
+
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                      const CameraRay &camera) const {
+        if (scene.media().empty() && surfaces_scatter) return trace<Vacuum>(scene, tracer, sampler, camera);
+        return trace<InMedia>(scene, tracer, sampler, camera);
+    }
+};
+
+} // namespace lajolla
