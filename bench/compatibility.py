@@ -2,9 +2,9 @@
 
     python bench/compatibility.py [--scenes FOLDER] [--width 64] [--samples 512] [NAME ...] > OUT.md
 
-made docs/compatibility.md. The mitsuba package gets each scene as it is, to see whether it opens, and then what
-`lajolla convert` makes of it, to compare pictures. Both render the same film with paths of at most 8 segments,
-without roulette, in 16 independent batches, so that the ratio of the means has a standard error.
+made docs/compatibility.md. The mitsuba package gets each scene as it is, to see whether it opens, and then
+what `lajolla convert` makes of it, to compare pictures. Both render the same film with paths of at most 8
+segments, without roulette, in 16 independent batches, so that the ratio of the means has a standard error.
 """
 
 from __future__ import annotations
