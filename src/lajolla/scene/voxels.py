@@ -69,6 +69,18 @@ def read_vol(path: Path) -> Voxels:
     return Voxels(values.view(ENCODINGS[encoding]).reshape(shape), _box_or_unit(box_values))
 
 
+def vol_bytes(values: npt.NDArray[np.generic]) -> bytes:
+    """The bytes of a .vol file of 32-bit numbers in the unit cube; integers become fractions of one.
+
+    Args:
+        values: (depth, height, width, channels).
+    """
+    depth, height, width, channels = values.shape
+    top = 255 if values.dtype == np.uint8 else 1
+    head = HEADER.pack(b"VOL", 3, 1, width, height, depth, channels, 0, 0, 0, 1, 1, 1)
+    return head + (values.astype("<f4") / np.float32(top)).astype("<f4").tobytes()
+
+
 def _box_or_unit(box: Array) -> Array:
     """The header's box; the unit cube where it is empty, as some writers leave it."""
     return box_transform(box[:3], box[3:]) if np.any(box) else np.eye(4)

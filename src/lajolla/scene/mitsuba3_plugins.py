@@ -1,0 +1,275 @@
+"""What Mitsuba 3 has under its own name, what comes nearest to the rest, and what needs more than a name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from .nodes import Node, Property, Rgb, Value
+from .voxels import read_voxels, vol_bytes
+
+if TYPE_CHECKING:
+    from .mitsuba3 import Translator
+
+# The plugins that are written under their own name.
+HAS = {
+    "integrator": "path direct volpath volpathmis ptracer depth aov moment",
+    "sensor": "perspective thinlens orthographic distant radiancemeter irradiancemeter",
+    "film": "hdrfilm",
+    "rfilter": "box tent gaussian mitchell catmullrom lanczos",
+    "sampler": "independent stratified multijitter orthogonal ldsampler",
+    "bsdf": "diffuse dielectric thindielectric roughdielectric conductor roughconductor plastic roughplastic "
+    "twosided mask bumpmap normalmap blendbsdf null principled principledthin hair measured",
+    "texture": "bitmap checkerboard mesh_attribute",
+    "emitter": "area point constant envmap spot directional projector sunsky",
+    "shape": "obj ply serialized sphere rectangle disk cylinder cube shapegroup instance sdfgrid "
+    "bsplinecurve linearcurve",
+    "medium": "homogeneous heterogeneous",
+    "phase": "isotropic hg rayleigh blendphase tabphase sggx",
+    "volume": "constvolume gridvolume",
+}
+# What is written for those that it lacks; nothing for the rest.
+NEAREST = {
+    ("integrator", "volpath_simple"): "volpath",
+    ("bsdf", "phong"): "roughplastic",
+    ("bsdf", "ward"): "roughplastic",
+    ("bsdf", "disneybsdf"): "principled",
+    ("bsdf", "disneyglass"): "principled",
+    ("bsdf", "disneymetal"): "principled",
+    ("emitter", "sun"): "sunsky",
+    ("emitter", "sky"): "sunsky",
+    ("sensor", "telecentric"): "orthographic",
+}
+OTHERWISE = {
+    "integrator": "path",
+    "sampler": "independent",
+    "sensor": "perspective",
+    "film": "hdrfilm",
+    "bsdf": "diffuse",
+    "phase": "isotropic",
+}
+
+
+def like(node: Node, plugin: str) -> Node:
+    return Node(node.kind, plugin, node.location, node.plugin_location, node.id)
+
+
+def having(node: Node, **values: Value) -> Node:
+    """The node with these properties in place of those of the same name."""
+    properties = [
+        *node.without(values),
+        *(Property(name, value, node.location, node.location) for name, value in values.items()),
+    ]
+    return Node(node.kind, node.plugin, node.location, node.plugin_location, node.id, properties)
+
+
+def with_boundary(shape: Node) -> Node:
+    """A shape around a medium without a bsdf is invisible in files before 2.0, and grey in newer ones."""
+    if shape.version >= (2, 0, 0) or not any(shape.children("medium")) or any(shape.children("bsdf")):
+        return shape
+    return _holding(shape, Node("bsdf", "null", shape.location, shape.location))
+
+
+def _renamed(node: Node, plugin: str, *without: str, **values: Value) -> Node:
+    result = having(node, **values)
+    result.plugin = plugin
+    result.properties = result.without(without)
+    return result
+
+
+# What needs more than its own name: each takes the node as it was read and as
+# translated property by property, and gives the one to write.
+
+
+def _mixture(translator: Translator, read: Node, node: Node) -> Node | None:
+    """A sum of bsdfs as nested pairs; what the weights leave over is black."""
+    weights = _numbers(node, "weights")
+    parts = [prop.value for prop, _ in node.children("bsdf")][: len(weights)]
+    total = max(1.0, sum(weights))
+    black = having(Node("bsdf", "diffuse", node.location, node.location), reflectance=Rgb((0.0,) * 3))
+    result, covered = black, 1 - sum(weights[: len(parts)]) / total
+    for part, weight in reversed(list(zip(parts, weights, strict=False))):
+        covered += weight / total
+        share = weight / total / covered if covered > 0 else 0.0
+        pair = Node("bsdf", "blendbsdf", node.location, node.location)
+        result = part if share > 1 - 1e-6 else _holding(having(pair, weight=share), result, part)
+    return _named(result, node.id)
+
+
+def _numbers(node: Node, name: str) -> list[float]:
+    return [float(word) for word in str(getattr(node.find(name), "value", "")).replace(",", " ").split()]
+
+
+def _holding(node: Node, *children: Value) -> Node:
+    node.properties += [Property("", child, node.location, node.location) for child in children]
+    return node
+
+
+def _named(node: Node, name: str) -> Node:
+    """The node under another id; one that has an id already is kept by it."""
+    return (
+        node
+        if node.id or not name
+        else Node(node.kind, node.plugin, node.location, node.plugin_location, name, node.properties)
+    )
+
+
+def _inner(translator: Translator, read: Node, node: Node) -> Node | None:
+    nested = next((child for _, child in node.children(node.kind)), None)
+    used = f"the {nested} inside it is written" if nested else "it is left out"
+    translator.warn(node, f"Mitsuba 3 has no {node}; {used}")
+    return nested
+
+
+def _rough(translator: Translator, read: Node, node: Node) -> Node:
+    """`roughness` is the square root of alpha."""
+    roughness = node.find("roughness")
+    if roughness is None or not isinstance(roughness.value, int | float):
+        return node
+    return _renamed(node, node.plugin, "roughness", alpha=float(roughness.value) ** 2)
+
+
+def _conductor(translator: Translator, read: Node, node: Node) -> Node:
+    """Indices of refraction relative to what is around the metal."""
+    node = _rough(translator, read, node)
+    outside = getattr(node.find("ext_eta"), "value", 1.0)
+    numbers = node.find("eta") or node.find("k")
+    if outside == 1:
+        return _renamed(node, node.plugin, "ext_eta", *(["material"] if numbers else []))
+    entry = translator.builder.construct(read)
+    relative = {name: Rgb(entry[name]) for name in ("eta", "k") if isinstance(entry[name], tuple)}
+    return _renamed(node, node.plugin, "ext_eta", "material", **relative)
+
+
+def _phong(translator: Translator, read: Node, node: Node) -> Node | None:
+    """The width of the lobe as Walter et al. 2007 relate the two, section 5.2."""
+    exponent = getattr(node.find("exponent"), "value", 30.0)
+    alpha = math.sqrt(2 / (exponent + 2)) if isinstance(exponent, int | float) else 0.25
+    return translator.nearest(having(node, alpha=alpha))
+
+
+def _ward(translator: Translator, read: Node, node: Node) -> Node | None:
+    alphas = [getattr(node.find(name), "value", 0.1) for name in ("alpha_u", "alpha_v")]
+    known = [float(alpha) for alpha in alphas if isinstance(alpha, int | float)]
+    return translator.nearest(having(node, alpha=float(np.mean(known or [0.1]))))
+
+
+def _bitmap(translator: Translator, read: Node, node: Node) -> Node:
+    """An image; encodings and channels that Mitsuba 3 does not know are written out as linear values."""
+    filter_type = getattr(node.find("filter_type"), "value", "bilinear")
+    result = having(node, filter_type="nearest" if filter_type == "nearest" else "bilinear")
+    if getattr(node.find("wrap_mode"), "value", "") in ("zero", "one"):
+        translator.warn(node, f"Mitsuba 3 cannot wrap {node} so; its border is repeated")
+        result = having(result, wrap_mode="clamp")
+    gamma, channel = (
+        getattr(node.find(name), "value", other) for name, other in (("gamma", -1.0), ("channel", ""))
+    )
+    result.properties = result.without(("gamma", "channel", "max_anisotropy"))
+    if channel or (gamma > 0 and gamma != 1):
+        return having(result, raw=False, filename=translator.linear_image(node, gamma, channel))
+    return having(result, raw=True) if gamma == 1 else result
+
+
+def _vertex_colors(translator: Translator, read: Node, node: Node) -> Node:
+    return _renamed(node, "mesh_attribute", name="vertex_color")
+
+
+def _sensor(translator: Translator, read: Node, node: Node) -> Node | None:
+    """Mitsuba 3 takes no scale in a camera's placement."""
+    place = node.find("to_world")
+    if place is not None:
+        matrix = np.array(place.value, dtype=np.float64)
+        matrix[:3, :3] /= np.linalg.norm(matrix[:3, :3], axis=0)
+        node = having(node, to_world=matrix)
+    return node if node.plugin in HAS["sensor"].split() else translator.nearest(node)
+
+
+def _film(translator: Translator, read: Node, node: Node) -> Node:
+    known = ("width", "height", "crop_offset_x", "crop_offset_y", "crop_width", "crop_height")
+    kept = [p for p in node.properties if p.name in known or isinstance(p.value, Node)]
+    return Node("film", "hdrfilm", node.location, node.plugin_location, node.id, kept)
+
+
+def _path(translator: Translator, read: Node, node: Node) -> Node:
+    roulette = getattr(node.find("rr_depth"), "value", None)
+    return having(node, rr_depth=1) if roulette == 0 else node
+
+
+def _homogeneous(translator: Translator, read: Node, node: Node) -> Node | None:
+    """Extinction and albedo, which are all that Mitsuba 3 takes."""
+    entry = translator.builder.construct(read)
+    kept = [p for p in node.properties if isinstance(p.value, Node) and p.value.kind == "phase"]
+    result = Node("medium", entry["type"], node.location, node.plugin_location, node.id, kept)
+    if entry["type"] == "heterogeneous":  # the albedo is a volume
+        albedo, scale = node.find("albedo"), entry["scale"]
+        value = albedo.value if albedo and isinstance(entry["albedo"], dict) else Rgb(entry["albedo"])
+        return having(result, albedo=value, sigma_t=_constant_volume(node, entry["sigma_t"]), scale=scale)
+    sigma_a, sigma_s = np.array(entry["sigma_a"]), np.array(entry["sigma_s"])
+    sigma_t = sigma_a + sigma_s
+    albedo = np.divide(sigma_s, sigma_t, out=np.zeros(3), where=sigma_t > 0)
+    return having(result, albedo=Rgb(tuple(albedo)), sigma_t=_constant_volume(node, tuple(sigma_t)))
+
+
+def _constant_volume(node: Node, value: tuple[float, ...]) -> Node:
+    """A volume, because a plain colour could not exceed one."""
+    return having(Node("volume", "constvolume", node.location, node.location), value=Rgb(value))
+
+
+def _heterogeneous(translator: Translator, read: Node, node: Node) -> Node | None:
+    if node.find("emission"):
+        translator.warn(node, f"Mitsuba 3 has no emission in {node}; it is left out")
+    density = node.find("density")
+    volumes = {"sigma_t": density.value} if density else {}
+    for name in ("sigma_t", "albedo"):
+        value = volumes.get(name, getattr(node.find(name), "value", None))
+        if isinstance(value, Rgb):
+            volumes[name] = _constant_volume(node, value.values)
+    return _renamed(node, "heterogeneous", "density", "emission", **volumes)
+
+
+def _grid_volume(translator: Translator, read: Node, node: Node) -> Node | None:
+    """A grid of 32-bit numbers in the unit cube, placed by one matrix."""
+    entry = translator.builder.construct(read)
+    known = ("filter_type", "wrap_mode", "filename")
+    kept = [p for p in node.properties if p.name in known and p.value != "zero"]
+    if any(p.value == "zero" for p in node.properties):
+        translator.warn(node, f"Mitsuba 3 cannot end {node} at its box; its border is repeated")
+    result = Node("volume", "gridvolume", node.location, node.plugin_location, node.id, kept)
+    result = having(result, to_world=entry["to_world"])
+    path, _ = translator.builder.find(read)
+    voxels = read_voxels(path, getattr(read.find("grid_name"), "value", "density"))
+    if path.suffix.lower() == ".vol" and voxels.values.dtype == np.float32:
+        return result
+    name = f"{translator.stem}-files/{len(translator.packed)}.vol"
+    translator.packed[name] = vol_bytes(voxels.values)
+    return having(result, filename=name)
+
+
+Adapter: TypeAlias = Callable[[Translator, Node, Node], "Node | None"]
+ADAPTERS: dict[tuple[str, str], Adapter] = {
+    ("integrator", "path"): _path,
+    ("integrator", "volpath"): _path,
+    ("sensor", "perspective"): _sensor,
+    ("sensor", "thinlens"): _sensor,
+    ("sensor", "orthographic"): _sensor,
+    ("film", "hdrfilm"): _film,
+    ("film", "ldrfilm"): _film,
+    ("bsdf", "mixturebsdf"): _mixture,
+    ("bsdf", "coating"): _inner,
+    ("bsdf", "roughcoating"): _inner,
+    ("bsdf", "conductor"): _conductor,
+    ("bsdf", "roughconductor"): _conductor,
+    ("bsdf", "roughdielectric"): _rough,
+    ("bsdf", "roughplastic"): _rough,
+    ("bsdf", "phong"): _phong,
+    ("bsdf", "ward"): _ward,
+    ("medium", "homogeneous"): _homogeneous,
+    ("medium", "heterogeneous"): _heterogeneous,
+    ("volume", "gridvolume"): _grid_volume,
+    ("texture", "bitmap"): _bitmap,
+    ("texture", "scale"): _inner,
+    ("texture", "vertexcolors"): _vertex_colors,
+}
