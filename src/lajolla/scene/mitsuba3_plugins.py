@@ -248,7 +248,7 @@ def _grid_volume(translator: Translator, read: Node, node: Node) -> Node | None:
     return having(result, filename=name)
 
 
-Adapter: TypeAlias = Callable[[Translator, Node, Node], "Node | None"]
+Adapter: TypeAlias = Callable[["Translator", Node, Node], "Node | None"]
 ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("integrator", "path"): _path,
     ("integrator", "volpath"): _path,
