@@ -54,6 +54,14 @@ inline Spectrum fresnel_conductor(float cos_i, Spectrum eta, Spectrum k) {
             fresnel_conductor(cos_i, eta.z, k.z)};
 }
 
+// The mean of fresnel_conductor over a cosine-weighted hemisphere, by Gauss-Jacobi quadrature for the weight
+// 2 cos (three nodes).
+inline Spectrum fresnel_conductor_mean(Spectrum eta, Spectrum k) {
+    return fresnel_conductor(0.2123405382f, eta, k) * 0.1396539598f +
+           fresnel_conductor(0.5905331356f, eta, k) * 0.4584822128f +
+           fresnel_conductor(0.9114120405f, eta, k) * 0.4018638274f;
+}
+
 // The mean of fresnel_dielectric over a cosine-weighted hemisphere: fits of Egan and Hilgeman 1973 for eta in
 // [0.5, 1) (within 0.6 %; beyond that it would exceed 1) and of d'Eon and Irving 2011 for eta >= 1 (within
 // 0.2 %). The two sides of a boundary are bound by reciprocity: 1 - F(eta) = eta^2 (1 - F(1 / eta)).

@@ -5,8 +5,10 @@
 
 #include <array>
 
+#include "base/frame.h"
 #include "base/vec.h"
 #include "base/warp.h"
+#include "scatter/fresnel.h"
 
 namespace lajolla {
 
@@ -81,6 +83,21 @@ public:
     Microfacet(MicrofacetKind kind, float alpha_u, float alpha_v)
         : alpha_u_(std::max(alpha_u, 1e-4f)), alpha_v_(std::max(alpha_v, 1e-4f)), kind_(kind) {}
 
+    MicrofacetKind kind() const { return kind_; }
+    float smaller_alpha() const { return std::min(alpha_u_, alpha_v_); }
+    float larger_alpha() const { return std::max(alpha_u_, alpha_v_); }
+    // The roughness of the profile in the direction of w.
+    float alpha_along(Vec3f w) const {
+        const float sin2 = w.x * w.x + w.y * w.y;
+        return sin2 > 0 ? std::sqrt((sqr(alpha_u_ * w.x) + sqr(alpha_v_ * w.y)) / sin2) : alpha_u_;
+    }
+    // An azimuth, as (cos, sin), where alpha_along() is at the fraction t from the smaller to the larger
+    // alpha.
+    Vec2f azimuth_of(float t) const {
+        const float a = lerp(t, smaller_alpha(), larger_alpha()), difference = sqr(alpha_u_) - sqr(alpha_v_);
+        const float cos2 = std::clamp((sqr(a) - sqr(alpha_v_)) / difference, 0.0f, 1.0f);
+        return {std::sqrt(cos2), std::sqrt(1 - cos2)};
+    }
     // For the footprint of a scattered ray.
     float roughness() const { return std::min(std::max(alpha_u_, alpha_v_), 1.0f); }
 
@@ -108,6 +125,12 @@ public:
         return normalize({alpha_u_ * m.x, alpha_v_ * m.y, m.z});
     }
 
+    // The mean of f(m) over the microfacets of normal m that are visible from w, by the midpoint rule with
+    // about n x n nodes. GGX: in the numbers that sample_visible() takes, with more nodes for its tail.
+    // Beckmann: in slopes s, t along and across w, whose density is (cot - s) exp(-s^2 - t^2) for s < cot.
+    template <class F>
+    float mean_over_visible(Vec3f w, int n, const F &f) const;
+
 private:
     // Half vectors of v and of a spherical cap (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with
     // Spherical Caps"). The height over the cap's rim is exact where 1 - u would cancel.
@@ -117,13 +140,62 @@ private:
     }
     static Vec3f sample_beckmann(Vec3f v, Vec2f u) {
         const float sin_theta = std::sqrt(v.x * v.x + v.y * v.y);
+        return normal_of(v, detail::sample_beckmann_slopes(u, v.z / sin_theta));
+    }
+    // Of slopes along and across v, not normalized.
+    static Vec3f normal_of(Vec3f v, Vec2f slope) {
+        const float sin_theta = std::sqrt(v.x * v.x + v.y * v.y);
         const Vec2f phi = sin_theta > 0 ? Vec2f{v.x, v.y} * (1 / sin_theta) : Vec2f{1, 0};
-        const Vec2f slope = detail::sample_beckmann_slopes(u, v.z / sin_theta);
         return {slope.y * phi.y - slope.x * phi.x, -slope.x * phi.y - slope.y * phi.x, 1};
     }
 
     float alpha_u_, alpha_v_;
     MicrofacetKind kind_;
 };
+
+template <class F>
+float Microfacet::mean_over_visible(Vec3f w, int n, const F &f) const {
+    constexpr float widest = 3.5f; // slope that counts
+    const Vec3f v = normalize({alpha_u_ * w.x, alpha_v_ * w.y, w.z});
+    const float cot = v.z / std::max(std::sqrt(v.x * v.x + v.y * v.y), 1e-6f),
+                steepest = std::min(cot, widest);
+    const bool half = w.y == 0; // symmetric across w: half is enough
+    const int columns = half ? n / 2 : n;
+    float sum = 0, weights = 0;
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < columns; ++j) {
+            const float x = (static_cast<float>(i) + 0.5f) / static_cast<float>(n),
+                        y = (static_cast<float>(j) + 0.5f) / static_cast<float>(n);
+            Vec3f m;
+            float weight;
+            if (kind_ == MicrofacetKind::ggx) {
+                const float rest = 1 - x;
+                weight = sqr(rest);
+                m = sample_ggx(v, {1 - rest * weight, y});
+            } else {
+                const Vec2f slope{steepest - (steepest + widest) * sqr(x), (1 - 2 * y) * widest};
+                weight = x * (1 - slope.x / cot) * std::exp(-sqr(slope.x) - sqr(slope.y));
+                m = normal_of(v, slope);
+            }
+            sum += weight * f(normalize({alpha_u_ * m.x, alpha_v_ * m.y, m.z}));
+            weights += weight;
+        }
+    return sum / weights;
+}
+
+namespace detail {
+
+// Of the light along w on a boundary's microfacet m: what is reflected and transmitted in one bounce.
+inline float reflected_fraction(const Microfacet &surface, Vec3f w, Vec3f m, float eta) {
+    const Vec3f wi = reflect(w, m);
+    return wi.z > 0 ? fresnel_dielectric(dot(w, m), eta).reflectance * surface.masking(wi) : 0;
+}
+inline float transmitted_fraction(const Microfacet &surface, Vec3f w, Vec3f m, float eta) {
+    const auto [f, cos_t] = fresnel_dielectric(dot(w, m), eta);
+    const Vec3f wi = -refract(w, m, dot(w, m), cos_t, eta);
+    return wi.z > 0 ? (1 - f) * surface.masking(wi) : 0;
+}
+
+} // namespace detail
 
 } // namespace lajolla

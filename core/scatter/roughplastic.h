@@ -26,7 +26,7 @@ struct RoughPlastic {
     float alpha = 0.1f;
     float int_ior = 1.49f, ext_ior = 1.000277f;
     Texture<Spectrum> diffuse_reflectance{Spectrum(0.5f)}, specular_reflectance{Spectrum(1)};
-    bool nonlinear = false;
+    bool nonlinear = false, multiscatter = false;
 
     static constexpr auto fields() {
         return std::tuple(
@@ -41,7 +41,9 @@ struct RoughPlastic {
                   "tints the reflection; 1 is physical")
                 .range(0, 1),
             field("nonlinear", &RoughPlastic::nonlinear,
-                  "let colours deepen as light bounces under the coat"));
+                  "let colours deepen as light bounces under the coat"),
+            field("multiscatter", &RoughPlastic::multiscatter,
+                  "let the base have the light that bounces between microfacets"));
     }
 
     struct Lobe {
@@ -119,56 +121,27 @@ private:
     float inside_ = 0; // mean reflectance of the coat from below
 };
 
-namespace detail {
-
-// The mean of scatter(w, m) over the visible normals m. The midpoint rule in t, u = t^2 (3 - 2t), puts more
-// nodes at both ends of the unit square, where the tails of the distribution are; the surface is isotropic,
-// so half of the square is enough.
-template <class Scatter>
-float average_visible(const Microfacet &surface, float cos_theta, const Scatter &scatter) {
-    constexpr int n = 64, half = n / 2;
-    const Vec3f w{safe_sqrt(1 - cos_theta * cos_theta), 0, cos_theta};
-    float sum = 0, weights = 0;
-    for (int i = 0; i < n; ++i)
-        for (int j = 0; j < half; ++j) {
-            const float s = (static_cast<float>(i) + 0.5f) / n, t = (static_cast<float>(j) + 0.5f) / half;
-            const float weight = s * (1 - s) * t * (1 - t);
-            sum += weight * scatter(w, surface.sample_visible(w, {s * s * (3 - 2 * s), t * t * (1.5f - t)}));
-            weights += weight;
-        }
-    return sum / weights;
-}
-
-// Fractions of the light along w that a rough boundary reflects and lets through.
-inline float rough_reflectance(const Microfacet &surface, float cos_theta, float eta) {
-    return average_visible(surface, cos_theta, [&](Vec3f w, Vec3f m) {
-        const Vec3f wi = reflect(w, m);
-        return wi.z > 0 ? fresnel_dielectric(dot(w, m), eta).reflectance * surface.masking(wi) : 0;
-    });
-}
-
-inline float rough_transmittance(const Microfacet &surface, float cos_theta, float eta) {
-    return average_visible(surface, cos_theta, [&](Vec3f w, Vec3f m) {
-        const auto [f, cos_t] = fresnel_dielectric(dot(w, m), eta);
-        const Vec3f wi = -refract(w, m, dot(w, m), cos_t, eta);
-        return wi.z > 0 ? (1 - f) * surface.masking(wi) : 0;
-    });
-}
-
-} // namespace detail
-
 inline void RoughPlastic::build() {
     check_indices(int_ior, ext_ior);
     const Microfacet surface(distribution, alpha, alpha);
     const float eta = int_ior / ext_ior;
-    float sum = 0;
+    const auto fraction = [&](auto of, float cos_theta, float beyond) {
+        const Vec3f w{safe_sqrt(1 - cos_theta * cos_theta), 0, cos_theta};
+        return surface.mean_over_visible(w, 64, [&](Vec3f m) { return of(surface, w, m, beyond); });
+    };
+    float inside = 0, entering = 0;
     for (std::size_t i = 0; i < entering_.values.size(); ++i) {
         const float cos_theta = CosineTable::node(i);
-        entering_.values[i] = detail::rough_transmittance(surface, cos_theta, eta);
-        sum += cos_theta * detail::rough_reflectance(surface, cos_theta, 1 / eta);
+        entering_.values[i] = multiscatter ? 1 - fraction(detail::reflected_fraction, cos_theta, eta)
+                                           : fraction(detail::transmitted_fraction, cos_theta, eta);
+        entering += cos_theta * entering_.values[i];
+        inside += cos_theta * fraction(detail::reflected_fraction, cos_theta, 1 / eta);
     }
-    // Mitsuba's mean over the nodes, so that the same file gives the same picture.
-    inside_ = 2 * sum / static_cast<float>(entering_.values.size());
+    // Mitsuba's mean over the nodes, so that the same file gives the same picture. Where nothing is lost,
+    // reciprocity asks that as much leaves: 1 - inside = mean(entering) / eta^2 (trapezoidal rule).
+    const auto nodes = static_cast<float>(entering_.values.size());
+    entering -= entering_.values.back() / 2;
+    inside_ = multiscatter ? 1 - 2 * entering / ((nodes - 1) * sqr(eta)) : 2 * inside / nodes;
 }
 
 } // namespace lajolla
