@@ -127,8 +127,11 @@ def _inner(translator: Translator, read: Node, node: Node) -> Node | None:
 def _rough(translator: Translator, read: Node, node: Node) -> Node:
     """`roughness` is the square root of alpha."""
     roughness = node.find("roughness")
-    if roughness is None or not isinstance(roughness.value, int | float):
+    if roughness is None:
         return node
+    if not isinstance(roughness.value, int | float):
+        translator.warn(node, f'Mitsuba 3 takes no texture as "roughness" of {node}; it is left out')
+        return _renamed(node, node.plugin, "roughness")
     return _renamed(node, node.plugin, "roughness", alpha=float(roughness.value) ** 2)
 
 
@@ -234,9 +237,10 @@ def _grid_volume(translator: Translator, read: Node, node: Node) -> Node | None:
     """A grid of 32-bit numbers in the unit cube, placed by one matrix."""
     entry = translator.builder.construct(read)
     known = ("filter_type", "wrap_mode", "filename")
-    kept = [p for p in node.properties if p.name in known and p.value != "zero"]
-    if any(p.value == "zero" for p in node.properties):
-        translator.warn(node, f"Mitsuba 3 cannot end {node} at its box; its border is repeated")
+    beyond = getattr(node.find("wrap_mode"), "value", "clamp")
+    kept = [p for p in node.properties if p.name in known and (p.name != "wrap_mode" or beyond != "zero")]
+    if beyond == "zero":
+        translator.warn(node, f"Mitsuba 3 does not end {node} at its box, but repeats its border")
     result = Node("volume", "gridvolume", node.location, node.plugin_location, node.id, kept)
     result = having(result, to_world=entry["to_world"])
     path, _ = translator.builder.find(read)
