@@ -156,7 +156,7 @@ def mitsuba_batches(scene: object, samples: int) -> Estimate:
 def our_batches(description: Description, size: tuple[int, int], samples: int) -> Estimate:
     core = dict(description.core)
     core["rfilter"] = {"type": "box"}
-    core["integrator"] = {**core["integrator"], "rr_depth": NO_ROULETTE}
+    core["integrator"] = {"type": core["integrator"]["type"], "rr_depth": NO_ROULETTE}
     scene = Scene(replace(description, core=core), Options(size=size, max_depth=DEPTH))
     images = [scene.render(spp=samples // BATCHES, seed=i).array[..., :3] for i in range(BATCHES)]
     return Estimate(np.stack(images).astype(np.float64))
