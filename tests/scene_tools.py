@@ -119,6 +119,7 @@ def make_scene(
     shapes: Sequence[Settings] = (),
     emitters: Sequence[Settings] = (),
     bsdfs: Sequence[Settings] = ({"type": "diffuse", "reflectance": 1},),
+    adapters: Sequence[Settings] = (),
     materials: Sequence[Settings] = ({"front": 0, "back": 0},),
     textures: Sequence[Settings] = (),
     sensor: Settings | None = None,
@@ -133,6 +134,7 @@ def make_scene(
         {
             "textures": list(textures),
             "bsdfs": list(bsdfs),
+            "adapters": list(adapters),
             "materials": list(materials),
             "emitters": list(emitters),
             "shapes": list(shapes),
@@ -143,6 +145,11 @@ def make_scene(
             "integrator": {"type": "path", **integrator},
         }
     )
+
+
+def point_view(origin: tuple[float, float, float] = (3, -4, 5)) -> Settings:
+    """Parallel rays to a neighbourhood of (0, 0, 0) so small that it is a point."""
+    return {"type": "orthographic", "to_world": look_at(origin, (0, 0, 0)) @ scaling(1e-4, 1e-4, 1)}
 
 
 def picture(scene: _core.Scene, samples: int, seed: int = SEED, threads: int = 0) -> np.ndarray:

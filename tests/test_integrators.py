@@ -21,6 +21,7 @@ from scene_tools import (
     look_at,
     make_scene,
     picture,
+    point_view,
     rotation,
     scaling,
     translation,
@@ -37,11 +38,6 @@ ALBEDO = 0.6
 PLANE: Settings = {"type": "rectangle", "to_world": scaling(50), "material": 0}
 GREY: Settings = {"type": "diffuse", "reflectance": ALBEDO}
 FACING_DOWN = rotation((1, 0, 0), 180)
-
-
-def point_view(origin: tuple[float, float, float] = (3, -4, 5)) -> Settings:
-    """Parallel rays to a neighbourhood of (0, 0, 0) so small that it is a point."""
-    return {"type": "orthographic", "to_world": look_at(origin, (0, 0, 0)) @ scaling(1e-4, 1e-4, 1)}
 
 
 # Radiance of a diffuse plane under one light: the light, its shape, and the irradiance over pi.
@@ -234,7 +230,8 @@ def test_sheets_of_little_opacity(layers: int, strategy: str) -> None:
         shapes=[PLANE, *sheets, {**shape, "emitter": 0}],
         emitters=[emitter],
         bsdfs=[GREY, {"type": "diffuse", "reflectance": 0}],
-        materials=[{"front": 0}, {"front": 1, "back": 1, "opacity": 0.3}],
+        adapters=[{"type": "mask", "opacity": 0.3, "child": 1}],
+        materials=[{"front": 0}, {"front": {"adapter": 0}, "back": {"adapter": 0}}],
         sensor=point_view((3, -4, 1.3)),
         max_depth=2,
         strategy=strategy,
@@ -251,7 +248,8 @@ def test_a_sheet_is_the_blend_of_what_it_is_and_what_it_hides(strategy: str) -> 
         ],
         emitters=[area(4), {"type": "constant", "radiance": 2}],
         bsdfs=[GREY],
-        materials=[{"front": 0, "opacity": 0.3}],
+        adapters=[{"type": "mask", "opacity": 0.3, "child": 0}],
+        materials=[{"front": {"adapter": 0}}],
         sensor=point_view(),
         max_depth=2,
         strategy=strategy,
@@ -291,7 +289,8 @@ def test_masks_by_texture_cut_holes() -> None:
         emitters=[area(4)],
         textures=[{"type": "checkerboard", "color0": 0, "color1": 1}],
         bsdfs=[{"type": "diffuse", "reflectance": 0}],
-        materials=[{"front": 0, "opacity": {"texture": 0}}],
+        adapters=[{"type": "mask", "opacity": {"texture": 0}, "child": 0}],
+        materials=[{"front": {"adapter": 0}}],
         sensor=front_view(3, 2),
         rfilter=PINHOLE,
     )

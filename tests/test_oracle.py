@@ -51,6 +51,7 @@ CHECKER = """<texture name="{}" type="checkerboard">
     <transform name="to_uv"><scale x="12" y="6"/></transform></texture>"""
 GREY = """<texture name="{}" type="bitmap">
     <string name="filename" value="grey.png"/><boolean name="raw" value="true"/></texture>"""
+NORMALS = GREY.replace("grey", "normals").format("normalmap")
 RED = '<bsdf type="diffuse"><rgb name="reflectance" value="0.7 0.1 0.1"/></bsdf>'
 
 BSDFS = {
@@ -74,6 +75,22 @@ BSDFS = {
     "roughplastic": f'<bsdf type="roughplastic">{BLUE}<float name="alpha" value="0.3"/></bsdf>',
     "roughplastic-nonlinear": f"""<bsdf type="roughplastic">{BLUE}<string name="distribution" value="ggx"/>
         <float name="alpha" value="0.1"/><boolean name="nonlinear" value="true"/></bsdf>""",
+    # Mitsuba mixes densities of directions with probabilities where one side of a blend is a mirror.
+    "blendbsdf": f"""<bsdf type="blendbsdf"><float name="weight" value="0.3"/>
+        {RED}<bsdf type="roughconductor">{GOLD}</bsdf></bsdf>""",
+    "blendbsdf-textured": f"""<bsdf type="blendbsdf">{GREY.format("weight")}
+        <bsdf type="twosided">{RED}</bsdf><bsdf type="roughdielectric"/></bsdf>""",
+    "blendbsdf-nested": f"""<bsdf type="twosided"><bsdf type="blendbsdf">{GREY.format("weight")}
+        <bsdf type="blendbsdf"><float name="weight" value="0.6"/>{RED}<bsdf type="roughplastic"/></bsdf>
+        <bsdf type="roughconductor">{GOLD}<float name="alpha" value="0.4"/></bsdf></bsdf></bsdf>""",
+    "bumpmap": f"""<bsdf type="bumpmap">{GREY.format("grey")}<float name="scale" value="0.3"/>{RED}</bsdf>""",
+    "bumpmap-two-sided": f"""<bsdf type="twosided"><bsdf type="bumpmap">{GREY.format("grey")}
+        <float name="scale" value="0.1"/><bsdf type="roughplastic">{BLUE}</bsdf></bsdf></bsdf>""",
+    "bumpmap-plain": f"""<bsdf type="bumpmap">{GREY.format("grey")}<float name="scale" value="0.1"/>
+        <boolean name="use_shadowing_function" value="false"/>{RED}</bsdf>""",
+    "normalmap": f"""<bsdf type="normalmap">{NORMALS}{RED}</bsdf>""",
+    "normalmap-two-sided": f"""<bsdf type="twosided"><bsdf type="normalmap">{NORMALS}
+        {RED}</bsdf></bsdf>""",
     "null": '<bsdf type="null"/>',
     "mask": f'<bsdf type="mask"><float name="opacity" value="0.3"/>{RED}</bsdf>',
     "mask-checkered": f'<bsdf type="mask">{CHECKER.format("opacity")}{RED}</bsdf>',
@@ -193,6 +210,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sky[2, 5] = 40.0
     mi.Bitmap(sky).write(str(path / "sky.pfm"))
     mi.Bitmap(rng.integers(0, 256, (9, 7, 3), dtype=np.uint8)).write(str(path / "noise.png"))
+    normals = rng.integers([80, 80, 180], [180, 180, 256], (12, 9, 3))
+    mi.Bitmap(normals.astype(np.uint8)).write(str(path / "normals.png"))
     mi.Bitmap(rng.integers(20, 256, (8, 16, 1), dtype=np.uint8)).write(str(path / "grey.png"))
     corners = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
     normals = [(-0.4, 0, 0.9), (0.4, 0.1, 0.9), (0.2, 0.3, 0.9), (-0.3, 0.3, 0.9)]

@@ -168,27 +168,77 @@ def test_a_missing_version_is_guessed_from_the_names(tmp_path: Path) -> None:
 # Materials
 
 
-def test_material_slots(tmp_path: Path) -> None:
-    red = '<bsdf type="diffuse"><rgb name="reflectance" value="1 0 0"/></bsdf>'
-    glass = '<bsdf type="dielectric"/>'
-    opacity = '<float name="opacity" value=".25"/>'
-    slots = {
-        red: (0, -1, 1.0),
-        f'<bsdf type="twosided">{red}</bsdf>': (0, 0, 1.0),
-        f'<bsdf type="twosided">{red}<bsdf type="plastic"/></bsdf>': (0, 1, 1.0),
-        f'<bsdf type="mask">{opacity}<bsdf type="twosided">{red}</bsdf></bsdf>': (0, 0, 0.25),
-        f'<bsdf type="twosided"><bsdf type="mask">{opacity}{red}</bsdf></bsdf>': (0, 0, 0.25),
-        glass: (0, -1, 1.0),
-    }
-    for body, (front, back, alpha) in slots.items():
-        core = read(tmp_path, f'<shape type="sphere">{body}</shape>').core
-        assert core["materials"] == [{"front": front, "back": back, "opacity": alpha}], body
+def tree(core: dict[str, Any], material: object) -> object:
+    """What a material slot holds, with names in place of indices."""
+    if not isinstance(material, dict):
+        return None if material == -1 else core["bsdfs"][material]["type"]
+    entry = dict(core["adapters"][material["adapter"]])
+    children = [tree(core, entry.pop(name)) for name in ("first", "second", "child") if name in entry]
+    return (entry.pop("type"), *entry.values(), *children)
+
+
+def slots(core: dict[str, Any]) -> tuple[Any, Any]:
+    """The trees of the only material."""
+    assert len(core["materials"]) == 1
+    return tuple(tree(core, core["materials"][0][side]) for side in ("front", "back"))
+
+
+RED = '<bsdf type="diffuse"><rgb name="reflectance" value="1 0 0"/></bsdf>'
+GLASS = '<bsdf type="dielectric"/>'
+OPACITY = '<float name="opacity" value=".25"/>'
+WEIGHT = '<float name="weight" value=".25"/>'
+BUMP = '<texture type="checkerboard" name="whatever"/><float name="scale" value="2"/>'
+MASKED = ("mask", 0.25, "diffuse")
+BUMPED = ("bumpmap", 2.0, {"texture": 0})
+
+
+@pytest.mark.parametrize(
+    "body, front, back",
+    [
+        (RED, "diffuse", None),
+        (GLASS, "dielectric", None),
+        (f'<bsdf type="twosided">{RED}</bsdf>', "diffuse", "diffuse"),
+        (f'<bsdf type="twosided">{RED}<bsdf type="plastic"/></bsdf>', "diffuse", "plastic"),
+        (f'<bsdf type="mask">{OPACITY}<bsdf type="twosided">{RED}</bsdf></bsdf>', MASKED, MASKED),
+        (f'<bsdf type="twosided"><bsdf type="mask">{OPACITY}{RED}</bsdf></bsdf>', MASKED, MASKED),
+        (f'<bsdf type="mask"><float name="opacity" value="1"/>{RED}</bsdf>', "diffuse", None),
+        (f'<bsdf type="blendbsdf">{WEIGHT}{RED}{GLASS}</bsdf>',
+         ("blendbsdf", 0.25, "diffuse", "dielectric"), None),
+        (f'<bsdf type="blendbsdf">{WEIGHT}<bsdf type="twosided">{RED}</bsdf>{GLASS}</bsdf>',
+         ("blendbsdf", 0.25, "diffuse", "dielectric"), ("blendbsdf", 0.25, "diffuse", "dielectric")),
+        (f'<bsdf type="blendbsdf">{WEIGHT}{RED}<bsdf type="mask">{OPACITY}{RED}</bsdf></bsdf>',
+         ("blendbsdf", 0.25, "diffuse", MASKED), None),
+        (f'<bsdf type="mixturebsdf"><string name="weights" value=".5, .25"/>{RED}{GLASS}</bsdf>',
+         ("blendbsdf", 0.5, "diffuse", ("blendbsdf", 0.5, "dielectric", None)), None),
+        (f'<bsdf type="mixturebsdf"><string name="weights" value="3 1"/>{RED}{GLASS}</bsdf>',
+         ("blendbsdf", 0.25, "diffuse", "dielectric"), None),
+        (f'<bsdf type="twosided"><bsdf type="bumpmap">{BUMP}{RED}</bsdf></bsdf>',
+         (*BUMPED, "diffuse"), (*BUMPED, "diffuse")),
+        (f'<bsdf type="bumpmap">{BUMP}<bsdf type="mask">{OPACITY}{RED}</bsdf></bsdf>',
+         (*BUMPED, MASKED), None),
+        (f'<bsdf type="bumpmap">{BUMP}<bsdf type="twosided">{RED}</bsdf></bsdf>',
+         (*BUMPED, "diffuse"), ("bumpmap", -2.0, {"texture": 0}, "diffuse")),
+        (f'<bsdf type="normalmap"><rgb name="normalmap" value=".5 .5 1"/>{RED}</bsdf>',
+         ("normalmap", (0.5, 0.5, 1.0), "diffuse"), None),
+    ],
+)  # fmt: skip
+def test_material_slots(tmp_path: Path, body: str, front: object, back: object) -> None:
+    core = read(tmp_path, f'<shape type="sphere">{body}</shape>').core
+    assert slots(core) == (front, back)
 
 
 def test_textured_opacity(tmp_path: Path) -> None:
     body = '<bsdf type="mask"><texture type="checkerboard" name="opacity"/><bsdf type="diffuse"/></bsdf>'
     core = read(tmp_path, f'<shape type="sphere">{body}</shape>', "0.6.0").core
-    assert core["materials"][0]["opacity"] == {"texture": 0}
+    assert slots(core)[0] == ("mask", {"texture": 0}, "diffuse")
+
+
+def test_old_bumps_have_the_rules_of_their_time(tmp_path: Path) -> None:
+    body = f'<shape type="sphere"><bsdf type="bumpmap">{BUMP}{RED}</bsdf></shape>'
+    rules = ("flip_invalid_normals", "use_shadowing_function")
+    for version, expected in (("0.6.0", False), ("3.0.0", None)):
+        entry = read(tmp_path, body, version=version).core["adapters"][0]
+        assert [entry.get(rule) for rule in rules] == [expected] * 2
 
 
 def test_two_sided_option_leaves_glass_alone(tmp_path: Path) -> None:

@@ -30,14 +30,10 @@ RGB_TO_XYZ = np.array(
 
 # What each scene waits for: a line goes when its plugin arrives.
 NEEDS = {
-    "test_bumpmap_path": "bumpmap",
     "test_hetero_sigmat_volpath": "volpath, heterogeneous, gridvolume",
     "test_homo_area_light_volpath": "volpath, homogeneous",
     "test_homo_dielectric_envmap_volpath": "volpath, homogeneous",
     "test_homo_emitter_inside_medium_volpath": "volpath, homogeneous",
-    "test_mesh_attributes_1_face_direct": "blendbsdf",
-    "test_normalmap_identity_roughconductor_path": "normalmap",
-    "test_normalmap_path": "normalmap",
     "test_spot_direct": "texture of spot",
     "test_texturedprincipled1_path": "principled",
     "test_various_emitters_ptracer": "projector, texture of spot",

@@ -12,11 +12,11 @@ from lajolla import _core
 SCHEMA = _core.schema()
 TYPES = {
     "float", "integer", "boolean", "choice", "string", "spectrum", "vector", "transform",
-    "texture_float", "texture_spectrum", "mesh", "curves", "image",
+    "texture_float", "texture_spectrum", "material", "mesh", "curves", "image",
     "volume_float", "volume_spectrum", "volume_matrix", "grid", "phase", "floats",
 }  # fmt: skip
 KINDS = {
-    "bsdf", "texture", "emitter", "shape", "sensor", "film", "rfilter", "sampler", "integrator",
+    "bsdf", "adapter", "texture", "emitter", "shape", "sensor", "film", "rfilter", "sampler", "integrator",
     "medium", "phase", "volume",
 }  # fmt: skip
 MODELS = [(kind, name) for kind, models in SCHEMA.items() for name in models]

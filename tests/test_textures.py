@@ -240,7 +240,7 @@ def test_checkerboards_read_as_numbers(tmp_path: Path) -> None:
     body += '<bsdf type="diffuse"/></bsdf></shape>'
     for version, colours in (("3.0.0", (0.2, 0.4)), ("0.6.0", (0.4, 0.2))):
         core = read(tmp_path, body, version).core
-        board = core["textures"][core["materials"][0]["opacity"]["texture"]]
+        board = core["textures"][core["adapters"][0]["opacity"]["texture"]]
         assert (board.get("color0", 0.4), board.get("color1", 0.2)) == colours
 
 

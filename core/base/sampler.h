@@ -84,6 +84,16 @@ inline F32x8 to_unit_floats(U32x8 x) {
 
 } // namespace detail
 
+// Whether something happens that has this probability, decided by a uniform number that stays uniform and fit
+// for the next decision.
+inline bool passes(float probability, float &u) {
+    if (probability <= 0) return false;
+    const bool result = u < probability;
+    u = result ? u / probability : (u - probability) / (1 - probability);
+    u = std::min(u, one_minus_ulp);
+    return result;
+}
+
 // The eight numbers of one bounce.
 struct BounceSample {
     Vec2f light_uv, bsdf_uv;

@@ -17,6 +17,21 @@
 
 namespace lajolla {
 
+// An index of a BSDF, -1 for black, or {"adapter": index}.
+template <>
+struct Described<MaterialId> {
+    static constexpr const char *type = "material", *expected = "an index or {'adapter': index}";
+    static bool read(nb::handle source, MaterialId &value) {
+        if (const auto index = read_handle(source, "adapter")) {
+            value = {-1, *index};
+            return true;
+        }
+        value.adapter = -1;
+        return Described<std::int32_t>::read(source, value.bsdf);
+    }
+    static nb::object write(MaterialId value) { return nb::int_(value.bsdf); }
+};
+
 namespace {
 
 using namespace nb::literals;
@@ -62,11 +77,43 @@ void check_textures(const Variant &variant, std::size_t count, const std::string
     });
 }
 
-Material read_material(const nb::dict &entry, std::size_t bsdfs, std::size_t textures,
-                       const std::string &where) {
-    Material material{read_id(entry, "front", bsdfs, where), read_id(entry, "back", bsdfs, where), 1.0f};
-    if (entry.contains("opacity")) read_value(entry["opacity"], material.opacity, where + ".opacity");
-    check_texture(material.opacity, textures, where + ".opacity");
+// Materials and adapters hold BSDFs, and adapters that were read before.
+void check_material(MaterialId id, const SceneParts &parts, const std::string &where) {
+    const auto known = [](std::int32_t index, std::size_t count) {
+        return index >= -1 && index < static_cast<std::int64_t>(count);
+    };
+    if (!known(id.bsdf, parts.bsdfs.size()))
+        throw DescriptionError(where + ": there is no bsdf " + std::to_string(id.bsdf));
+    if (!known(id.adapter, parts.adapters.size()))
+        throw DescriptionError(where + ": there is no adapter " + std::to_string(id.adapter) +
+                               " before this");
+}
+
+void read_adapters(const nb::dict &description, SceneParts &parts) {
+    read_list(description, "adapters", [&](const nb::dict &entry, const std::string &where) {
+        auto adapter = variant_from<Adapter>(entry, where);
+        check_textures(adapter, parts.textures.size(), where);
+        match(adapter, [&](const auto &a) {
+            for_each_field<std::decay_t<decltype(a)>>([&](const auto &field) {
+                if constexpr (std::is_same_v<std::decay_t<decltype(a.*field.member)>, MaterialId>)
+                    check_material(a.*field.member, parts, where + "." + field.name);
+            });
+        });
+        parts.adapters.push_back(std::move(adapter));
+        return 0;
+    });
+}
+
+Material read_material(const nb::dict &entry, const SceneParts &parts, const std::string &where) {
+    Material material;
+    for (const auto &[key, value] : entry) {
+        const std::string name = detail::text_of_key(key);
+        if (name != "front" && name != "back")
+            throw DescriptionError(where + ": unknown field '" + name + "' (known: front, back)");
+        MaterialId &side = name == "front" ? material.front : material.back;
+        read_value(value, side, where + "." + name);
+        check_material(side, parts, where + "." + name);
+    }
     return material;
 }
 
@@ -106,9 +153,10 @@ SceneParts read_parts(const nb::dict &description) {
         check_textures(bsdf, textures, where);
         return bsdf;
     });
+    read_adapters(description, parts);
     parts.materials =
         read_list(description, "materials", [&](const nb::dict &entry, const std::string &where) {
-            return read_material(entry, parts.bsdfs.size(), textures, where);
+            return read_material(entry, parts, where);
         });
     parts.lights = read_list(description, "emitters", [&](const nb::dict &entry, const std::string &where) {
         auto light = variant_from<Light>(entry, where);
@@ -266,6 +314,7 @@ struct RayRecording {
 nb::dict schema() {
     nb::dict kinds;
     kinds["bsdf"] = schema_of_list<Bsdf>();
+    kinds["adapter"] = schema_of_list<Adapter>();
     kinds["texture"] = schema_of_list<TextureModel>();
     kinds["emitter"] = schema_of_list<Light>();
     kinds["medium"] = schema_of_list<Medium>();

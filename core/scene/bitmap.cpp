@@ -55,6 +55,12 @@ Spectrum MipMap::sharp(Vec2f position) const {
                                           : bilinear_at(0, position);
 }
 
+std::array<Spectrum, 2> MipMap::gradient(Vec2f position) const {
+    if (filter_ == FilterType::nearest) return {Spectrum(0), Spectrum(0)};
+    const auto [by_x, by_y] = bilinear_gradient(*image_, in_texels(*image_, position), wrap_);
+    return {by_x * static_cast<float>(image_->width), by_y * static_cast<float>(image_->height)};
+}
+
 Spectrum MipMap::trilinear(Vec2f position, float level) const {
     const float fine = std::clamp(level, 0.0f, static_cast<float>(coarser_.size()));
     const auto index = static_cast<std::size_t>(fine);

@@ -25,6 +25,8 @@ public:
 
     // As sharp as the image is.
     Spectrum sharp(Vec2f position) const;
+    // The derivatives of that by the position.
+    std::array<Spectrum, 2> gradient(Vec2f position) const;
     // Over a circle; `level` is log2 of its radius in texels.
     Spectrum trilinear(Vec2f position, float level) const;
     // The elliptical weighted average (Greene and Heckbert 1986; Heckbert 1989, "Fundamentals of Texture

@@ -72,18 +72,10 @@ Spectrum fetch(const Texel *texel, std::uint32_t channels, const float *table) {
 // Positions far outside the image lose their fraction anyway; this keeps them within the integers.
 float bounded(float x) { return std::isfinite(x) ? std::clamp(x, -1e9f, 1e9f) : 0; }
 
-} // namespace
-
-Spectrum nearest(const Image &image, Vec2f position, WrapMode mode) {
-    const std::int32_t x = wrap(static_cast<std::int32_t>(std::floor(bounded(position.x))),
-                                static_cast<std::int32_t>(image.width), mode);
-    const std::int32_t y = wrap(static_cast<std::int32_t>(std::floor(bounded(position.y))),
-                                static_cast<std::int32_t>(image.height), mode);
-    if (x < 0 || y < 0) return Spectrum(mode == WrapMode::one ? 1.0f : 0.0f);
-    return image.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
-}
-
-Spectrum bilinear(const Image &image, Vec2f position, WrapMode wrap_x, WrapMode wrap_y) {
+// f(dx, dy, the four texels around a position), row by row; dx and dy count from the first one's centre.
+template <class F>
+[[gnu::always_inline]] inline auto between_texels(const Image &image, Vec2f position, WrapMode wrap_x,
+                                                  WrapMode wrap_y, F &&f) {
     const float x = bounded(position.x - 0.5f), y = bounded(position.y - 0.5f);
     const float floor_x = std::floor(x), floor_y = std::floor(y), dx = x - floor_x, dy = y - floor_y;
     const auto width = static_cast<std::int32_t>(image.width),
@@ -99,8 +91,33 @@ Spectrum bilinear(const Image &image, Vec2f position, WrapMode wrap_x, WrapMode 
             const auto index = static_cast<std::size_t>(row) * image.width + static_cast<std::size_t>(column);
             return fetch(texels.data() + index * image.channels, image.channels, table);
         };
-        return lerp(dy, lerp(dx, at(i0, j0), at(i1, j0)), lerp(dx, at(i0, j1), at(i1, j1)));
+        return f(dx, dy, at(i0, j0), at(i1, j0), at(i0, j1), at(i1, j1));
     });
+}
+
+} // namespace
+
+Spectrum nearest(const Image &image, Vec2f position, WrapMode mode) {
+    const std::int32_t x = wrap(static_cast<std::int32_t>(std::floor(bounded(position.x))),
+                                static_cast<std::int32_t>(image.width), mode);
+    const std::int32_t y = wrap(static_cast<std::int32_t>(std::floor(bounded(position.y))),
+                                static_cast<std::int32_t>(image.height), mode);
+    if (x < 0 || y < 0) return Spectrum(mode == WrapMode::one ? 1.0f : 0.0f);
+    return image.texel(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
+}
+
+Spectrum bilinear(const Image &image, Vec2f position, WrapMode wrap_x, WrapMode wrap_y) {
+    return between_texels(image, position, wrap_x, wrap_y,
+                          [](float dx, float dy, Spectrum a, Spectrum b, Spectrum c, Spectrum d) {
+                              return lerp(dy, lerp(dx, a, b), lerp(dx, c, d));
+                          });
+}
+
+std::array<Spectrum, 2> bilinear_gradient(const Image &image, Vec2f position, WrapMode wrap) {
+    return between_texels(image, position, wrap, wrap,
+                          [](float dx, float dy, Spectrum a, Spectrum b, Spectrum c, Spectrum d) {
+                              return std::array{lerp(dy, b - a, d - c), lerp(dx, c - a, d - b)};
+                          });
 }
 
 Spectrum gaussian(const Image &image, Vec2f position, const Conic &ellipse, WrapMode mode) {

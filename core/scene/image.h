@@ -32,6 +32,8 @@ constexpr auto choices(WrapMode) { return std::array{"repeat", "mirror", "clamp"
 Spectrum nearest(const Image &image, Vec2f position, WrapMode wrap);
 // The same with values interpolated between the texels' centres; wraps may differ between the axes.
 Spectrum bilinear(const Image &image, Vec2f position, WrapMode wrap_x, WrapMode wrap_y);
+// Its derivatives by x and y.
+std::array<Spectrum, 2> bilinear_gradient(const Image &image, Vec2f position, WrapMode wrap);
 
 // The symmetric matrix M of an ellipse of offsets p with p^T M^-1 p < 1.
 struct Conic {

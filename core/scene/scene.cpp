@@ -48,14 +48,12 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
             throw std::invalid_argument("an area emitter needs a shape");
 
     for (const Bsdf &bsdf : parts_.bsdfs)
-        bsdf_traits_.push_back({is_transmissive(bsdf), is_isotropic(bsdf), is_delta(bsdf)});
+        bsdf_traits_.push_back({is_transmissive(bsdf), is_isotropic(bsdf), is_delta(bsdf),
+                                std::holds_alternative<Diffuse>(bsdf)});
     for (const TextureModel &texture : parts_.textures)
         if (const auto *bitmap = std::get_if<Bitmap>(&texture))
             reads_footprints_ |= bitmap->reads_footprints();
-    for (const Material &material : parts_.materials)
-        has_passages_ |= !(material.opacity == Texture<float>(1)) ||
-                         (material.front >= 0 && std::holds_alternative<Null>(
-                                                     parts_.bsdfs[static_cast<std::size_t>(material.front)]));
+    materials_ = Materials(parts_.materials, parts_.adapters, parts_.bsdfs);
 
     match(parts_.camera,
           [&](auto &camera) { camera.build(parts_.film.aspect(), static_cast<float>(parts_.film.width)); });
@@ -87,18 +85,39 @@ void Scene::fill_in_instance(const Ray &ray, const RayHit &found, Hit &hit) cons
     instance.place(hit);
 }
 
-Surface Scene::surface(const Hit &hit, const Vec3f &wo) const {
-    if (hit.material < 0) return {true, {}, {}, {}, {}};
-    const Material &material = parts_.materials[static_cast<std::size_t>(hit.material)];
-    const auto traits = [&](std::int32_t bsdf) { return bsdf_traits_[static_cast<std::size_t>(bsdf)]; };
-    const bool behind = dot(hit.shading_normal, wo) < 0;
-    const bool turned = behind && (material.front < 0 || !traits(material.front).transmissive);
-    const std::int32_t side = turned ? material.back : material.front;
-    if (side < 0) return {true, {}, {}, {}, {}};
-    const Vec3f n = turned ? -hit.shading_normal : hit.shading_normal;
-    const Frame frame = traits(side).isotropic ? frame_around(n) : frame_along(n, hit.dp_du);
-    Surface surface{false, traits(side).delta, frame, frame.to_local(wo),
-                    prepare(parts_.bsdfs[static_cast<std::size_t>(side)], filtered_reader(hit, wo))};
+Surface Scene::surface(const Hit &hit, const Vec3f &wo, float u) const {
+    const Surface black{true, {}, {}, {}, {}};
+    if (hit.material < 0) return black;
+    const Material &material = materials_[hit.material];
+    const bool behind = dot(hit.normal, wo) < 0;
+    const bool turned = behind && !(material.back == MaterialId{});
+    MappedNormal normal{turned ? -hit.shading_normal : hit.shading_normal, hit.dp_du, turned};
+    const std::int32_t id =
+        materials_.choose(turned ? material.back : material.front, sharp_reader(hit), hit, wo, u, normal);
+    if (id < 0) return black;
+    const BsdfTraits traits = bsdf_traits_[static_cast<std::size_t>(id)];
+    if (behind && !turned && !traits.transmissive) return black;
+
+    const Bsdf &bsdf = parts_.bsdfs[static_cast<std::size_t>(id)];
+    Surface surface{false, traits.delta, {}, {}, prepare(bsdf, filtered_reader(hit, wo))};
+    // Towards the viewer, where light that passes through does not tell the sides apart.
+    const float side = behind ? -1.0f : 1.0f;
+    const Vec3f geometric = hit.normal * side;
+    Vec3f n = normal.n * (turned ? 1.0f : side);
+    surface.bent = !(n == geometric);
+    if (surface.bent)
+        n = traits.lambertian ? seen_from_above(n, geometric, wo) : with_mirror_image_above(n, geometric, wo);
+    if (traits.transmissive) n *= side;
+    surface.frame = traits.isotropic ? frame_around(n) : frame_along(n, normal.tangent);
+    surface.wo = surface.frame.to_local(wo);
+    if (surface.bent) {
+        surface.normal = surface.frame.to_local(hit.normal);
+        if (normal.shadowed) {
+            surface.smooth = surface.frame.to_local(hit.shading_normal);
+            const float squared = sqr(surface.smooth.z);
+            surface.bump = std::max(1 - squared, 0.0f) / std::max(squared, 1e-12f);
+        }
+    }
     // Scenes write alpha = 0.0001 for a mirror. Such a lobe is narrower than any light that has an area, so
     // that samples of lights would only cost time; lights without area need them still.
     constexpr float sharpest_alpha = 5e-4f;
@@ -107,19 +126,13 @@ Surface Scene::surface(const Hit &hit, const Vec3f &wo) const {
 }
 
 float Scene::passage(const Hit &hit) const {
-    if (hit.material < 0) return 0;
-    const Material &material = parts_.materials[static_cast<std::size_t>(hit.material)];
-    if (material.front >= 0 &&
-        std::holds_alternative<Null>(parts_.bsdfs[static_cast<std::size_t>(material.front)]))
-        return 1;
-    const float opacity = sharp_reader(hit)(material.opacity);
-    return std::clamp(1 - opacity, 0.0f, 1.0f);
+    return hit.material < 0 ? 0 : materials_.passage(materials_[hit.material].front, sharp_reader(hit));
 }
 
 const Bitmap *Scene::first_bitmap(const Hit &hit) const {
     const Bitmap *result = nullptr;
     if (hit.material < 0) return result;
-    const std::int32_t front = parts_.materials[static_cast<std::size_t>(hit.material)].front;
+    const std::int32_t front = materials_.first_bsdf(materials_[hit.material].front);
     if (front < 0) return result;
     const auto look_at = [&](const auto &value) {
         if constexpr (requires { value.id; })

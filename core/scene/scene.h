@@ -12,18 +12,12 @@
 #include "scene/film.h"
 #include "scene/instance.h"
 #include "scene/lights.h"
+#include "scene/material.h"
 #include "scene/medium.h"
 #include "scene/shapes.h"
 #include "scene/textures.h"
 
 namespace lajolla {
-
-// The material slot of a shape. Two-sidedness and opacity are fields, not BSDFs around BSDFs.
-struct Material {
-    std::int32_t front = -1;   // a BSDF; light-transmitting ones serve both sides
-    std::int32_t back = -1;    // a BSDF seen from behind, as if the surface were turned over; -1: black
-    Texture<float> opacity{1}; // the rest passes straight through
-};
 
 // What a shape refers to; -1 for none.
 struct ShapeSlot {
@@ -33,6 +27,7 @@ struct ShapeSlot {
 struct SceneParts {
     std::vector<TextureModel> textures;
     std::vector<Bsdf> bsdfs;
+    std::vector<Adapter> adapters;
     std::vector<Material> materials;
     std::vector<Light> lights;
     std::vector<Shape> shapes;
@@ -46,14 +41,47 @@ struct SceneParts {
     PixelFilter filter;
 };
 
-// A surface point made ready to scatter: the lobe and the frame it lives in.
+// A surface point made ready to scatter: the lobe and the frame it lives in. Directions are local.
 struct Surface {
     bool black; // nothing is scattered: the rest is meaningless
     bool sharp; // sampling lights is of no use: only sampling the lobe finds where it scatters
     Frame frame;
-    Vec3f wo; // local
+    Vec3f wo;
     Lobe lobe;
+    bool bent = false;     // the frame's normal is not the geometric one
+    float bump = 0;        // tangent^2 of the angle by which maps turned it, where that casts shadows
+    Vec3f normal{0, 0, 1}; // geometric
+    Vec3f smooth{0, 0, 1}; // before maps turned it
+
+    // How much of the light that the lobe scatters along wi there is: none that is reflected into the solid,
+    // and less where bumps stand in its way.
+    float visible(Vec3f wi) const {
+        if (!bent) return 1;
+        if (wi.z * wo.z > 0 && dot(normal, wi) * dot(normal, wo) <= 0) return 0;
+        if (bump == 0) return 1;
+        const float squared = sqr(dot(smooth, wi));
+        return bump_shadowing(bump, std::max(1 - squared, 0.0f) / std::max(squared, 1e-12f));
+    }
 };
+
+// The same as of lobes, along directions in world space.
+inline BsdfEval eval(const Surface &surface, const Vec3f &direction) {
+    const Vec3f wi = surface.frame.to_local(direction);
+    const float visible = surface.visible(wi);
+    if (visible == 0) return {};
+    BsdfEval result = eval(surface.lobe, surface.wo, wi);
+    result.f_cos *= visible;
+    return result;
+}
+inline std::optional<BsdfSample> sample(const Surface &surface, float u_lobe, const Vec2f &u) {
+    auto result = sample(surface.lobe, surface.wo, u_lobe, u);
+    if (!result) return result;
+    const float visible = result->kind == ScatterKind::null ? 1 : surface.visible(result->wi);
+    if (visible == 0) return std::nullopt;
+    result->weight *= visible;
+    result->wi = surface.frame.to_world(result->wi);
+    return result;
+}
 
 class Scene {
 public:
@@ -78,14 +106,14 @@ public:
     // Everything about a hit that the ray tracer found.
     Hit hit(const Ray &ray, const RayHit &found, const RayCone &cone) const;
 
-    // The lobe at a hit, seen from `wo` (world space).
-    Surface surface(const Hit &hit, const Vec3f &wo) const;
+    // The lobe at a hit, seen from `wo` (world space). Of a blend it is one, chosen by the uniform number u.
+    Surface surface(const Hit &hit, const Vec3f &wo, float u) const;
 
     // The fraction of light that passes straight through a hit: 1 - opacity, and all of it at a `null`
     // surface.
     float passage(const Hit &hit) const;
     // Whether any surface lets light pass, so that shadow rays must look at what they meet.
-    bool has_passages() const { return has_passages_; }
+    bool has_passages() const { return materials_.has_passages(); }
 
     // Whether any texture depends on the size of what a pixel sees.
     bool reads_footprints() const { return reads_footprints_; }
@@ -107,13 +135,14 @@ private:
 
     SceneParts parts_;
     struct BsdfTraits {
-        bool transmissive, isotropic, delta;
+        bool transmissive, isotropic, delta, lambertian;
     };
     std::vector<BsdfTraits> bsdf_traits_;
+    Materials materials_;
     std::optional<Accel> accel_;
     LightPicker picker_;
     FilterSampler filter_;
-    bool has_passages_ = false, reads_footprints_ = false;
+    bool reads_footprints_ = false;
 };
 
 } // namespace lajolla

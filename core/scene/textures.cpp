@@ -62,6 +62,13 @@ Spectrum Bitmap::look_up(const TexturePoint &at) const {
                              vector_in_uv(to_uv, ellipse.along), max_anisotropy);
 }
 
+UvGradient Bitmap::sharp_gradient(Vec2f uv) const {
+    const Vec3f position = to_uv.point({uv.x, uv.y, 1});
+    const auto [by_x, by_y] = pixels.gradient({position.x, position.y});
+    const Vec2f u = vector_in_uv(to_uv, {1, 0}), v = vector_in_uv(to_uv, {0, 1});
+    return {by_x * u.x + by_y * u.y, by_x * v.x + by_y * v.y};
+}
+
 void MeshAttribute::build() {
     if (!attribute.starts_with("vertex_") && !attribute.starts_with("face_"))
         throw std::invalid_argument("the name of a mesh attribute begins with vertex_ or face_, not \"" +

@@ -26,6 +26,11 @@ struct TexturePoint {
     bool filtered = false;        // over the pixel's footprint; else as sharp as it is
 };
 
+// Derivatives of a texture by u and v.
+struct UvGradient {
+    Spectrum by_u{0}, by_v{0};
+};
+
 struct Bitmap {
     static constexpr const char *name = "bitmap";
     static constexpr const char *doc =
@@ -53,9 +58,11 @@ struct Bitmap {
     // magnified.
     float level(float uv_footprint) const;
     Spectrum evaluate(const TexturePoint &at, const auto &) const { return look_up(at); }
+    UvGradient gradient(const TexturePoint &at, const auto &) const { return sharp_gradient(at.uv); }
 
 private:
     Spectrum look_up(const TexturePoint &at) const;
+    UvGradient sharp_gradient(Vec2f uv) const;
 };
 
 struct Checkerboard {
@@ -108,6 +115,11 @@ struct ScaledTexture {
                           field("scale", &ScaledTexture::scale, "the factor"));
     }
     Spectrum evaluate(const TexturePoint &, const auto &read) const { return read(texture) * read(scale); }
+    UvGradient gradient(const TexturePoint &, const auto &read) const {
+        const Spectrum a = read(texture), b = read(scale);
+        const UvGradient da = read.gradient(texture), db = read.gradient(scale);
+        return {da.by_u * b + a * db.by_u, da.by_v * b + a * db.by_v};
+    }
 };
 
 struct MeshAttribute {
@@ -192,10 +204,26 @@ public:
         return texture.is_constant() ? texture.constant : luminance(evaluate(texture.id));
     }
 
+    // Zero for textures that do not tell: they are flat but for edges, or do not depend on u and v.
+    UvGradient gradient(const Texture<Spectrum> &texture) const {
+        return texture.is_constant() ? UvGradient{} : evaluate_gradient(texture.id);
+    }
+    Vec2f gradient(const Texture<float> &texture) const {
+        if (texture.is_constant()) return {0, 0};
+        const UvGradient result = evaluate_gradient(texture.id);
+        return {luminance(result.by_u), luminance(result.by_v)};
+    }
+
 private:
     Spectrum evaluate(std::int32_t id) const {
         return match(textures_[static_cast<std::size_t>(id)],
                      [&](const auto &model) { return model.evaluate(at_, *this); });
+    }
+    UvGradient evaluate_gradient(std::int32_t id) const {
+        return match(textures_[static_cast<std::size_t>(id)], [&](const auto &model) -> UvGradient {
+            if constexpr (requires { model.gradient(at_, *this); }) return model.gradient(at_, *this);
+            else return {};
+        });
     }
 
     std::span<const TextureModel> textures_;

@@ -174,13 +174,13 @@ inline Path::Course Path::cross_medium(const Scene &scene, Tracer &tracer, const
 template <class Medium>
 bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                               const BounceSample &u, const Hit &hit, Walk<Medium> &walk) const {
-    const Surface surface = scene.surface(hit, -walk.ray.direction);
+    const Surface surface = scene.surface(hit, -walk.ray.direction, walk.flight);
     if (surface.black) return false;
     if (!surface.sharp)
         walk.radiance += walk.throughput * direct(scene, tracer, SurfaceVertex{hit, surface}, u,
                                                   walk.medium.for_shadow_ray(sampler, walk.block));
 
-    const auto scattered = sample(surface.lobe, surface.wo, u.lobe, u.bsdf_uv);
+    const auto scattered = sample(surface, u.lobe, u.bsdf_uv);
     if (!scattered) return false;
     // Radiance over eta^2 is what stays constant along a ray that refracts (Veach 1997, section 5.2).
     walk.throughput *= scattered->weight;
@@ -189,7 +189,7 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
         walk.eta *= scattered->eta;
     }
     walk.from = {hit.position, scattered->pdf, surface.sharp || scattered->is_delta()};
-    walk.ray.direction = surface.frame.to_world(scattered->wi);
+    walk.ray.direction = scattered->wi;
     walk.ray.origin = leave(hit, walk.ray.direction);
     walk.ray.near = 0;
     walk.ray.far = infinity;

@@ -14,9 +14,7 @@ struct SurfaceVertex {
     float position_error() const { return hit.position_error; }
     Vec3f leave(const Vec3f &wi) const { return lajolla::leave(hit, wi); }
     void enter(auto &medium, const Vec3f &wi) const { medium.cross(hit, wi); }
-    BsdfEval eval(const Vec3f &wi) const {
-        return lajolla::eval(surface.lobe, surface.wo, surface.frame.to_local(wi));
-    }
+    BsdfEval eval(const Vec3f &wi) const { return lajolla::eval(surface, wi); }
 };
 
 struct MediumVertex {

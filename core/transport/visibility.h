@@ -10,16 +10,6 @@ namespace lajolla {
 // forever.
 inline constexpr int max_passages = 1024;
 
-// Whether a ray passes straight through a surface that lets the fraction `passage` through, decided by a
-// uniform number that stays uniform and fit for the next decision.
-inline bool passes(float passage, float &u) {
-    if (passage <= 0) return false;
-    const bool result = u < passage;
-    u = result ? u / passage : (u - passage) / (1 - passage);
-    u = std::min(u, one_minus_ulp);
-    return result;
-}
-
 // From a point towards a sampled light, ending before its surface. `light.target` clears the error of the
 // light's own coordinates; the end clears those of a far away viewer's too.
 inline Ray shadow_ray(const Vec3f &origin, float origin_error, const DirectSample &light) {

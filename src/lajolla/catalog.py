@@ -15,7 +15,9 @@ def catalog() -> Catalog:
 
     Where both have a name, the reader's counts: it is what scene files see.
     """
-    merged: Catalog = {kind: dict(models) for kind, models in _core.schema().items()}
+    merged: Catalog = {
+        kind: dict(models) for kind, models in _core.schema().items() if kind != "adapter"
+    }  # adapters are bsdfs in scene files
     for kind, models in plugins().items():
         merged.setdefault(kind, {}).update(models)
     return merged

@@ -9,8 +9,8 @@ from .default_camera import default_camera
 from .errors import SceneError, did_you_mean
 from .instances import add_instance
 from .nodes import Node, Property, Rgb
-from .plugins.bsdfs import TRANSMISSIVE
-from .schema import Slot
+from .plugins.adapters import lets_light_through
+from .schema import BLACK, Slot
 
 ENVIRONMENTS = ("envmap", "constant")
 
@@ -42,6 +42,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     return {
         "textures": builder.textures,
         "bsdfs": builder.bsdfs,
+        "adapters": builder.adapters,
         "materials": builder.materials,
         "emitters": builder.emitters,
         "volumes": builder.volumes,
@@ -177,9 +178,9 @@ def _material(builder: Builder, shape: Node, *, emits: bool) -> Slot:
     if slot is None:
         slot = builder.slot(_default_bsdf(shape, emits=emits))
     assert slot is not None
-    opaque = builder.bsdfs[slot.front]["type"] not in TRANSMISSIVE
-    if builder.two_sided and opaque and slot.back < 0:
-        return Slot(slot.front, slot.front, slot.opacity, slot.opacity_texture)
+    opaque = not lets_light_through(builder, slot.front)
+    if builder.two_sided and opaque and slot.back == BLACK:
+        return Slot(slot.front, slot.front)
     return slot
 
 

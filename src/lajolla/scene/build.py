@@ -13,7 +13,19 @@ from .errors import Diagnostics, Location, SceneError, did_you_mean
 from .files import MissingFile, find_file
 from .nodes import Node, Property
 from .plugins import READER_PLUGINS
-from .schema import CHILDREN, HARMLESS, Content, Field, Plugin, Schema, Slot, fields_of
+from .schema import (
+    BLACK,
+    CHILDREN,
+    HARMLESS,
+    AdapterId,
+    Content,
+    Field,
+    MaterialId,
+    Plugin,
+    Schema,
+    Slot,
+    fields_of,
+)
 from .substitutes import DROPPED, NESTED, misspelt, substitute_for
 
 # Objects that a scene can do without: one whose file is missing is left out.
@@ -27,6 +39,8 @@ def plugins_by_kind(schema: Schema) -> dict[str, dict[str, Plugin]]:
     """Every plugin that scenes may use: the core's models, and the reader's own in front of them."""
     table: dict[str, dict[str, Plugin]] = {}
     for kind, models in schema.items():
+        if kind == "adapter":
+            continue  # the reader's own plugins make them
         for name, model in models.items():
             fields = fields_of(schema, kind, name)
             plugin = Plugin(kind, name, model["doc"], fields, _entry, CHILDREN.get(kind, ()), model=name)
@@ -54,6 +68,7 @@ class Builder:
     table: dict[str, dict[str, Plugin]] = field(default_factory=dict)
     textures: list[dict[str, Any]] = field(default_factory=list)
     bsdfs: list[dict[str, Any]] = field(default_factory=list)
+    adapters: list[dict[str, Any]] = field(default_factory=list)
     materials: list[dict[str, Any]] = field(default_factory=list)
     emitters: list[dict[str, Any]] = field(default_factory=list)
     shapes: list[dict[str, Any]] = field(default_factory=list)
@@ -63,7 +78,7 @@ class Builder:
     groups: list[dict[str, Any]] = field(default_factory=list)
     instances: list[dict[str, Any]] = field(default_factory=list)
     built: dict[Node, Any] = field(default_factory=dict)  # textures and bsdfs are shared
-    bsdf_indices: dict[str, int] = field(default_factory=dict)
+    indices: dict[str, int] = field(default_factory=dict)  # of bsdfs and adapters by what they are
     slots: dict[Slot, int] = field(default_factory=dict)
     places: dict[str, Location] = field(default_factory=dict)  # of entries: "shapes[3]"
     files: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # meshes and images are read once
@@ -201,7 +216,9 @@ class Builder:
         """The material slot of a bsdf; None when it is left out."""
         if node not in self.built:
             result = self.construct(node)
-            self.built[node] = Slot(self.add_bsdf(result, node), -1) if isinstance(result, dict) else result
+            self.built[node] = (
+                Slot(self.add_once("bsdfs", result, node)) if isinstance(result, dict) else result
+            )
         return self.built[node]
 
     def add(self, where: str, entry: dict[str, Any], node: Node) -> int:
@@ -211,20 +228,44 @@ class Builder:
         entries.append(entry)
         return len(entries) - 1
 
-    def add_bsdf(self, entry: dict[str, Any], node: Node) -> int:
-        """The index of a bsdf; the same entry is not added twice."""
-        key = repr(entry)
-        if key not in self.bsdf_indices:
-            self.bsdf_indices[key] = self.add("bsdfs", entry, node)
-        return self.bsdf_indices[key]
+    def add_once(self, where: str, entry: dict[str, Any], node: Node) -> int:
+        """The index of an entry of a list; the same one is not added twice."""
+        key = repr((where, entry))
+        if key not in self.indices:
+            self.indices[key] = self.add(where, entry, node)
+        return self.indices[key]
+
+    def adapt(self, node: Node, plugin: str, values: dict[str, Any], **children: MaterialId) -> AdapterId:
+        """An adapter around materials."""
+        entry = {"type": plugin, **values, **{name: _described(child) for name, child in children.items()}}
+        return AdapterId(self.add_once("adapters", entry, node))
+
+    def parts_of(self, material: MaterialId) -> Iterator[dict[str, Any]]:
+        """The entries of the adapters and bsdfs that a material is made of, each once."""
+        waiting, met = [material], {material, BLACK}
+        while waiting:
+            part = waiting.pop()
+            if part == BLACK:
+                continue
+            entry = self.adapters[part.index] if isinstance(part, AdapterId) else self.bsdfs[part]
+            yield entry
+            for name in ("first", "second", "child"):
+                child = entry.get(name, BLACK) if isinstance(part, AdapterId) else BLACK
+                child = AdapterId(child["adapter"]) if isinstance(child, dict) else child
+                if child not in met:
+                    met.add(child)
+                    waiting.append(child)
 
     def add_material(self, slot: Slot, shape: Node) -> int:
         """The index of a shape's material slot; the same one is not added twice."""
         if slot not in self.slots:
-            opacity = slot.opacity if slot.opacity_texture < 0 else {"texture": slot.opacity_texture}
-            entry = {"front": slot.front, "back": slot.back, "opacity": opacity}
+            entry = {"front": _described(slot.front), "back": _described(slot.back)}
             self.slots[slot] = self.add("materials", entry, shape)
         return self.slots[slot]
+
+
+def _described(material: MaterialId) -> Content:
+    return {"adapter": material.index} if isinstance(material, AdapterId) else material
 
 
 def _named(node: Node, fields: Mapping[str, Field]) -> Iterator[tuple[str, Property]]:

@@ -65,16 +65,22 @@ class Field:
 
 
 @dataclass(frozen=True)
+class AdapterId:
+    """An entry of the description's adapters."""
+
+    index: int
+
+
+BLACK = -1
+MaterialId: TypeAlias = int | AdapterId  # the index of a bsdf, an adapter, or BLACK
+
+
+@dataclass(frozen=True)
 class Slot:
-    """A material slot: bsdf indices for the front and the back (-1: black), and the opacity.
+    """A material slot: what is seen from the front, and from behind."""
 
-    The opacity is a number, or where `opacity_texture` is not -1 that texture.
-    """
-
-    front: int
-    back: int
-    opacity: float = 1.0
-    opacity_texture: int = -1
+    front: MaterialId
+    back: MaterialId = BLACK
 
 
 @dataclass(frozen=True)
@@ -96,8 +102,9 @@ class Plugin:
 
     def with_model(self, schema: Schema) -> Plugin:
         """The same plugin with the fields of its core model before its own, and its doc if it has none."""
-        doc = self.doc or schema.get(self.kind, {}).get(self.name, {"doc": ""})["doc"]
-        shared = fields_of(schema, self.kind, self.model) if self.model else ()
+        kind = "adapter" if self.model in schema.get("adapter", {}) else self.kind
+        doc = self.doc or schema.get(kind, {}).get(self.name, {"doc": ""})["doc"]
+        shared = fields_of(schema, kind, self.model) if self.model else ()
         own = {f.name for f in self.fields}
         kept = [f for f in shared if f.name not in own and f.name not in self.hidden]
         return Plugin(self.kind, self.name, doc, (*kept, *self.fields), self.build, self.children, self.model)

@@ -14,12 +14,8 @@ NESTED = "<nested>"  # the first child of the same kind
 # plugin of that name, its row is not asked.
 SUBSTITUTES = {
     "bsdf": {
-        "bumpmap": NESTED,
-        "normalmap": NESTED,
         "coating": NESTED,
         "roughcoating": NESTED,
-        "blendbsdf": NESTED,
-        "mixturebsdf": NESTED,
         "roughdiffuse": "diffuse",
         "difftrans": "diffuse",
         "phong": "roughplastic",

@@ -82,5 +82,8 @@ def _write_defaults(node: Node) -> None:
         node.set_default("use_grid_bbox", True)
         node.set_default("align_corners", True)
         node.set_default("wrap_mode", "zero")
+    elif node.kind == "bsdf" and node.plugin in ("bumpmap", "normalmap"):
+        node.set_default("flip_invalid_normals", False)
+        node.set_default("use_shadowing_function", False)
     elif node.kind == "texture" and node.plugin == "bitmap":
         node.set_default("filter_type", "ewa")

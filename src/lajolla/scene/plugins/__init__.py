@@ -1,10 +1,23 @@
 """The plugins that scene files know and the core does not, or not in that form."""
 
 from ..schema import Plugin
-from . import bsdfs, colours, curves, emitters, integrators, media, sensors, shapes, textures, volumes
+from . import (
+    adapters,
+    bsdfs,
+    colours,
+    curves,
+    emitters,
+    integrators,
+    media,
+    sensors,
+    shapes,
+    textures,
+    volumes,
+)
 
 READER_PLUGINS: tuple[Plugin, ...] = (
     *bsdfs.PLUGINS,
+    *adapters.PLUGINS,
     *colours.PLUGINS,
     *textures.PLUGINS,
     *emitters.PLUGINS,

@@ -1,4 +1,4 @@
-"""Materials: metals by name, roughness, and the adapters that become fields of a material slot."""
+"""BSDFs: metals by name, and roughness."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any
 from ..conductors import CONDUCTORS
 from ..errors import SceneError, did_you_mean
 from ..nodes import Node
-from ..schema import Content, Field, Plugin, Slot
+from ..schema import Content, Field, Plugin
 
 if TYPE_CHECKING:
     from ..build import Builder
-
-TRANSMISSIVE = ("dielectric", "thindielectric", "roughdielectric", "null")
 
 
 def _roughness(builder: Builder, node: Node, values: dict[str, Any]) -> None:
@@ -72,40 +70,6 @@ def _named_conductor(node: Node, name: str) -> tuple[tuple[float, ...], tuple[fl
     return by_lower[name.lower()]
 
 
-def _two_sided(builder: Builder, node: Node, values: dict[str, Any]) -> Slot | None:
-    slots = [slot for _, child in node.children("bsdf") if (slot := builder.slot(child)) is not None]
-    if not slots:
-        raise SceneError(f"{node} needs one or two bsdfs inside", node.location)
-    if len(slots) > 2:
-        builder.diagnostics.warn(f"{node} has more than two bsdfs; the first two count", node.location)
-    front, back = slots[0], slots[1] if len(slots) > 1 else slots[0]
-    if any(builder.bsdfs[slot.front]["type"] in TRANSMISSIVE for slot in (front, back)):
-        builder.diagnostics.warn(
-            f"{node} cannot hold a bsdf that lets light through; it is used alone", node.location
-        )
-        return front
-    if (back.opacity, back.opacity_texture) != (front.opacity, front.opacity_texture):
-        builder.diagnostics.warn(
-            f"the sides of {node} have different holes; those of the front count", node.location
-        )
-    return Slot(front.front, back.front, front.opacity, front.opacity_texture)
-
-
-def _mask(builder: Builder, node: Node, values: dict[str, Any]) -> Slot | None:
-    nested = next((child for _, child in node.children("bsdf")), None)
-    inner = builder.slot(nested) if nested else None
-    if inner is None:
-        raise SceneError(f"{node} needs a bsdf inside", node.location)
-    opacity = values.get("opacity", 0.5)
-    if isinstance(opacity, dict):
-        if inner.opacity < 1 or inner.opacity_texture >= 0:
-            builder.diagnostics.warn("of nested masks, only the outer texture counts", node.location)
-        return Slot(inner.front, inner.back, 1.0, opacity["texture"])
-    if inner.opacity_texture >= 0:
-        builder.diagnostics.warn("of nested masks, only the inner texture counts", node.location)
-    return Slot(inner.front, inner.back, inner.opacity * opacity, inner.opacity_texture)
-
-
 MATERIAL = (
     Field("material", "string", "name of a metal, instead of eta and k; none is a perfect mirror", "none"),
     Field(
@@ -116,8 +80,6 @@ ALPHA = (
     Field("alpha", "texture_float", "alpha_u and alpha_v at once", 0.1, 0.0),
     Field("roughness", "texture_float", "square root of alpha, as lajolla writes it", None, 0.0),
 )
-OPACITY = Field("opacity", "texture_float", "fraction of light that the material stops", 0.5, 0.0, 1.0)
-
 PLUGINS = (
     Plugin("bsdf", "conductor", "", MATERIAL, _conductor, model="conductor"),
     Plugin(
@@ -130,6 +92,4 @@ PLUGINS = (
     ),
     Plugin("bsdf", "roughdielectric", "", ALPHA, _rough_dielectric, model="roughdielectric"),
     Plugin("bsdf", "roughplastic", "", (ALPHA[1],), _rough_plastic, model="roughplastic"),
-    Plugin("bsdf", "twosided", "The same, or another, bsdf on the back.", (), _two_sided, ("bsdf",)),
-    Plugin("bsdf", "mask", "A bsdf with holes.", (OPACITY,), _mask, ("bsdf",)),
 )

@@ -1,0 +1,126 @@
+#include "scene/material.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "base/sampler.h"
+
+namespace lajolla {
+
+namespace {
+
+// Trees larger than any that is written by hand; an adapter that is used twice counts twice.
+constexpr int deepest = 64, most_leaves = 4096;
+
+template <class F>
+void for_each_child(const Adapter &adapter, F &&f) {
+    match(adapter, [&](const auto &a) {
+        if constexpr (requires { a.child; }) f(a.child);
+        else f(a.first), f(a.second);
+    });
+}
+
+Vec3f turned(const BumpMap &bump, const TextureReader &read, const Hit &hit, const MappedNormal &normal) {
+    const Vec2f slope = read.gradient(bump.map);
+    return bumped(normal.n, hit.dp_du, hit.dp_dv, bump.scale * slope.x, bump.scale * slope.y);
+}
+
+Vec3f turned(const NormalMap &map, const TextureReader &read, const Hit &, MappedNormal &normal) {
+    const Spectrum value = read(map.normalmap);
+    const Frame frame = frame_along(normal.n, normal.tangent);
+    normal.tangent = frame.s;
+    const Vec3f t = normal.mirrored ? -frame.t : frame.t;
+    const Vec3f n = frame.s * (map.scale * (2 * value.x - 1)) + t * (map.scale * (2 * value.y - 1)) +
+                    frame.n * (2 * value.z - 1);
+    const float squared = length_squared(n);
+    return squared > 0 && std::isfinite(squared) ? n * (1 / std::sqrt(squared)) : normal.n;
+}
+
+} // namespace
+
+Materials::Materials(std::vector<Material> materials, std::vector<Adapter> adapters,
+                     std::span<const Bsdf> bsdfs)
+    : materials_(std::move(materials)), adapters_(std::move(adapters)) {
+    for (const Bsdf &bsdf : bsdfs) bsdf_passes_.push_back(std::holds_alternative<Null>(bsdf));
+    std::vector<bool> clear; // adapters of BSDFs that light passes through, and no others
+    const auto is_clear = [&](MaterialId id) {
+        if (id.adapter >= 0) return bool(clear[static_cast<std::size_t>(id.adapter)]);
+        return id.bsdf >= 0 && is_transmissive(bsdfs[static_cast<std::size_t>(id.bsdf)]);
+    };
+    std::vector<int> depths, leaves;
+    for (const Adapter &adapter : adapters_) {
+        const auto *mask = std::get_if<Mask>(&adapter);
+        bool passes = mask && !(mask->opacity == Texture<float>(1));
+        bool all_clear = true;
+        int depth = 0, count = 0;
+        for_each_child(adapter, [&](MaterialId child) {
+            const auto index = static_cast<std::size_t>(std::max(child.adapter, 0));
+            passes |= lets_pass(child);
+            all_clear &= is_clear(child);
+            depth = std::max(depth, child.adapter >= 0 ? depths[index] : 0);
+            count += child.adapter >= 0 ? leaves[index] : 1;
+        });
+        adapter_passes_.push_back(passes);
+        clear.push_back(all_clear);
+        depths.push_back(depth + 1);
+        leaves.push_back(count);
+        if (depth + 1 > deepest) throw std::invalid_argument("materials are nested more than 64 deep");
+        if (count > most_leaves)
+            throw std::invalid_argument("a material is a mixture of more than 4096 materials");
+    }
+    for (Material &material : materials_) {
+        has_passages_ |= lets_pass(material.front);
+        if (is_clear(material.front)) material.back = {};
+    }
+}
+
+float Materials::passage(MaterialId id, const TextureReader &read) const {
+    if (!lets_pass(id)) return 0;
+    if (id.adapter < 0) return 1;
+    return match(adapter(id), [&](const auto &a) -> float {
+        using Model = std::decay_t<decltype(a)>;
+        if constexpr (std::is_same_v<Model, Blend>)
+            return lerp(std::clamp(read(a.weight), 0.0f, 1.0f), passage(a.first, read),
+                        passage(a.second, read));
+        else if constexpr (std::is_same_v<Model, Mask>)
+            return lerp(std::clamp(read(a.opacity), 0.0f, 1.0f), 1.0f, passage(a.child, read));
+        else return passage(a.child, read);
+    });
+}
+
+std::int32_t Materials::choose(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
+                               float u, MappedNormal &normal) const {
+    while (id.adapter >= 0)
+        match(adapter(id), [&](const auto &a) {
+            using Model = std::decay_t<decltype(a)>;
+            if constexpr (std::is_same_v<Model, Blend>) {
+                const float weight = std::clamp(read(a.weight), 0.0f, 1.0f);
+                const float first = (1 - weight) * (1 - passage(a.first, read));
+                const float second = weight * (1 - passage(a.second, read));
+                id = passes(first + second > 0 ? second / (first + second) : 0, u) ? a.second : a.first;
+            } else if constexpr (requires { a.flip_invalid_normals; }) {
+                const Vec3f before = normal.n;
+                normal.n = turned(a, read, hit, normal);
+                if (a.flip_invalid_normals) normal.n = facing(normal.n, before, wo);
+                normal.turned_by_maps = true;
+                normal.shadowed |= a.use_shadowing_function;
+                id = a.child;
+            } else id = a.child;
+        });
+    return id.bsdf;
+}
+
+std::int32_t Materials::first_bsdf(MaterialId id) const {
+    while (id.adapter >= 0) {
+        MaterialId first;
+        bool found = false;
+        for_each_child(adapter(id), [&](MaterialId child) {
+            if (!found) first = child;
+            found = true;
+        });
+        id = first;
+    }
+    return id.bsdf;
+}
+
+} // namespace lajolla

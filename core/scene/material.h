@@ -1,0 +1,135 @@
+#pragma once
+// The material slot of a shape: a tree whose leaves are BSDFs. Its inner nodes, the adapters, choose between
+// materials, cut holes, or turn the normal; none of them is a BSDF, so lobes stay small however deep they
+// nest.
+
+#include <cstdint>
+#include <span>
+#include <variant>
+#include <vector>
+
+#include "base/fields.h"
+#include "base/texture.h"
+#include "scatter/bsdfs.h"
+#include "scene/normals.h"
+#include "scene/textures.h"
+
+namespace lajolla {
+
+// What a slot or an adapter holds: a BSDF, an adapter, or neither, which is black.
+struct MaterialId {
+    std::int32_t bsdf = -1, adapter = -1;
+    friend constexpr bool operator==(const MaterialId &, const MaterialId &) = default;
+};
+
+// Two-sidedness is a pair of materials. A BSDF that light passes through serves both sides wherever it
+// stands.
+struct Material {
+    MaterialId front;
+    MaterialId back; // seen from behind, as if the surface were turned over
+};
+
+struct Blend {
+    static constexpr const char *name = "blendbsdf";
+    static constexpr const char *doc = "A mixture of two materials.";
+    Texture<float> weight{0.5f};
+    MaterialId first, second;
+
+    static constexpr auto fields() {
+        return std::tuple(field("weight", &Blend::weight, "share of the second material").range(0, 1),
+                          field("first", &Blend::first, "where the weight is 0"),
+                          field("second", &Blend::second, "where the weight is 1"));
+    }
+};
+
+struct Mask {
+    static constexpr const char *name = "mask";
+    static constexpr const char *doc = "A material with holes.";
+    Texture<float> opacity{0.5f};
+    MaterialId child;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("opacity", &Mask::opacity, "fraction of light that the material stops").range(0, 1),
+            field("child", &Mask::child, "the material"));
+    }
+};
+
+struct BumpMap {
+    static constexpr const char *name = "bumpmap";
+    static constexpr const char *doc = "A material whose normals are those of a displaced surface.";
+    Texture<float> map{0};
+    float scale = 1;
+    bool flip_invalid_normals = true, use_shadowing_function = true;
+    MaterialId child;
+
+    static constexpr auto fields() {
+        return std::tuple(field("map", &BumpMap::map, "displacement along the normal, in units of the scene"),
+                          field("scale", &BumpMap::scale, "factor of the displacement"),
+                          field("flip_invalid_normals", &BumpMap::flip_invalid_normals, flip_doc),
+                          field("use_shadowing_function", &BumpMap::use_shadowing_function, shadowing_doc),
+                          field("child", &BumpMap::child, "the material"));
+    }
+    static constexpr const char *flip_doc = "normals that face away from the viewer turn half around";
+    static constexpr const char *shadowing_doc = "light that bumps would block fades out";
+};
+
+struct NormalMap {
+    static constexpr const char *name = "normalmap";
+    static constexpr const char *doc = "A material whose normals come from a texture.";
+    Texture<Spectrum> normalmap{Spectrum(0.5f, 0.5f, 1)};
+    float scale = 1;
+    bool flip_invalid_normals = true, use_shadowing_function = true;
+    MaterialId child;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("normalmap", &NormalMap::normalmap, "(normal + 1) / 2 along dp/du, across, and outwards"),
+            field("scale", &NormalMap::scale, "factor of the parts along the surface"),
+            field("flip_invalid_normals", &NormalMap::flip_invalid_normals, BumpMap::flip_doc),
+            field("use_shadowing_function", &NormalMap::use_shadowing_function, BumpMap::shadowing_doc),
+            field("child", &NormalMap::child, "the material"));
+    }
+};
+
+using Adapter = std::variant<Blend, Mask, BumpMap, NormalMap>;
+
+// The materials of a scene, ready to be asked at hits.
+class Materials {
+public:
+    Materials() = default;
+    // Ids are in range, and adapters hold earlier adapters only. Throws std::invalid_argument for trees that
+    // are too large.
+    Materials(std::vector<Material> materials, std::vector<Adapter> adapters, std::span<const Bsdf> bsdfs);
+
+    const Material &operator[](std::int32_t id) const { return materials_[static_cast<std::size_t>(id)]; }
+
+    // Whether anything passes straight through any material.
+    bool has_passages() const { return has_passages_; }
+
+    // The fraction of light that passes straight through.
+    float passage(MaterialId id, const TextureReader &read) const;
+
+    // The BSDF that scatters what does not pass straight through, chosen with the probability of its share of
+    // it by a uniform number; -1 for black. Maps on the way to it turn the normal.
+    std::int32_t choose(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo, float u,
+                        MappedNormal &normal) const;
+
+    // The BSDF that is reached first.
+    std::int32_t first_bsdf(MaterialId id) const;
+
+private:
+    const Adapter &adapter(MaterialId id) const { return adapters_[static_cast<std::size_t>(id.adapter)]; }
+    // Whether light may pass straight through.
+    bool lets_pass(MaterialId id) const {
+        return id.adapter >= 0 ? adapter_passes_[static_cast<std::size_t>(id.adapter)]
+                               : id.bsdf >= 0 && bsdf_passes_[static_cast<std::size_t>(id.bsdf)];
+    }
+
+    std::vector<Material> materials_;
+    std::vector<Adapter> adapters_;
+    std::vector<bool> bsdf_passes_, adapter_passes_;
+    bool has_passages_ = false;
+};
+
+} // namespace lajolla
