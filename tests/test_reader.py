@@ -187,7 +187,7 @@ RED = '<bsdf type="diffuse"><rgb name="reflectance" value="1 0 0"/></bsdf>'
 GLASS = '<bsdf type="dielectric"/>'
 OPACITY = '<float name="opacity" value=".25"/>'
 WEIGHT = '<float name="weight" value=".25"/>'
-BUMP = '<texture type="checkerboard" name="whatever"/><float name="scale" value="2"/>'
+BUMP = '<texture type="gridtexture" name="whatever"/><float name="scale" value="2"/>'
 MASKED = ("mask", 0.25, "diffuse")
 BUMPED = ("bumpmap", 2.0, {"texture": 0})
 
