@@ -5,6 +5,7 @@ Run it as ``python scenes/make_assets.py``; the files it writes are committed, s
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -155,10 +156,46 @@ def shade_profile(samples: int = 12) -> np.ndarray:
     return np.stack([0.75 - 0.32 * t + 0.06 * np.sin(np.pi * t), t], axis=1)
 
 
+def noise3(rng: np.random.Generator, points: np.ndarray, cells: int) -> np.ndarray:
+    """Smooth value noise in [-1, 1] at points (..., 3), with a lattice of `cells` per unit, periodic."""
+    lattice = rng.uniform(-1, 1, (cells, cells, cells))
+    scaled = points * cells
+    low = np.floor(scaled).astype(int)
+    f = scaled - low
+    f = f * f * (3 - 2 * f)
+    total = np.zeros(points.shape[:-1])
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.prod(np.where(corner, f, 1 - f), axis=-1)
+        total += weight * lattice[tuple(np.moveaxis((low + corner) % cells, -1, 0))]
+    return total
+
+
+def plume(rng: np.random.Generator, width: int = 44, height: int = 64) -> np.ndarray:
+    """The density of rising smoke in [0, 1], (height along y is the second axis; z, y, x)."""
+    axes = [(np.arange(n) + 0.5) / n for n in (width, height, width)]
+    z, y, x = np.meshgrid(*axes, indexing="ij")
+    points = np.stack([x, y * height / width, z], axis=-1)
+    bend = np.stack([sum(noise3(rng, points, c) / c for c in (3, 6, 12)) for _ in range(3)], axis=-1)
+    x, z = (axis - 0.5 + 0.32 * y**0.7 * bend[..., i] for i, axis in ((0, x), (2, z)))
+    x, z = x - 0.1 * np.sin(5 * y), z - 0.06 * np.cos(4 * y)
+    radius = 0.07 + 0.24 * y**1.2
+    column = 1 - np.hypot(x, z) / radius
+    wisps = sum(noise3(rng, points + bend / 9, c) * 2.2 / c**0.6 for c in (6, 12, 24))
+    fade = np.clip(12 * y, 0, 1) * np.clip(4.5 * (1 - y), 0, 1)
+    return np.clip(1.6 * column + 0.55 * wisps * (0.4 + y), 0, 1) * fade * (1 - 0.45 * y)
+
+
+def write_volume(name: str, values: np.ndarray) -> None:
+    """Writes values (depth, height, width) as a .vol file of 32-bit numbers in the unit cube."""
+    depth, height, width = values.shape
+    head = struct.pack("<3sB5i6f", b"VOL", 3, 1, width, height, depth, 1, 0, 0, 0, 1, 1, 1)
+    (FOLDER / "volumes" / name).write_bytes(head + values.astype("<f4").tobytes())
+
+
 def main() -> None:
     """Writes every file."""
     rng = np.random.default_rng(2026)
-    for folder in ("textures", "meshes"):
+    for folder in ("textures", "meshes", "volumes"):
         (FOLDER / folder).mkdir(exist_ok=True)
     write_image("planks.jpg", planks(rng))
     write_image("rug.jpg", rug(rng))
@@ -166,6 +203,7 @@ def main() -> None:
     write_image("studio.exr", studio())
     write_ply("vase.ply", *revolve(vase_profile()))
     write_ply("shade.ply", *revolve(shade_profile(), 32))
+    write_volume("smoke.vol", plume(np.random.default_rng(7)))
 
 
 if __name__ == "__main__":
