@@ -18,6 +18,7 @@
 #include <string>
 #include <string_view>
 #include <variant>
+#include <vector>
 
 #include "base/fields.h"
 #include "base/match.h"
@@ -155,9 +156,14 @@ template <class Tag>
 constexpr bool within(const Triple<Tag> &v, double low, double high) {
     return within(v.x, low, high) && within(v.y, low, high) && within(v.z, low, high);
 }
+inline bool within(const std::vector<float> &values, double low, double high) {
+    return std::all_of(values.begin(), values.end(), [&](float v) { return within(v, low, high); });
+}
+// Handles of textures and volumes.
 template <class T>
-constexpr bool within(const Texture<T> &texture, double low, double high) {
-    return !texture.is_constant() || within(texture.constant, low, high);
+    requires requires(const T &handle) { handle.is_constant(); }
+constexpr bool within(const T &handle, double low, double high) {
+    return !handle.is_constant() || within(handle.constant, low, high);
 }
 
 // "a number >= 0", "one of 'mis', 'light'": what a field takes, in words.

@@ -60,16 +60,6 @@ struct Described<PhaseId> {
     static nb::object write(PhaseId value) { return nb::int_(value.id); }
 };
 
-namespace detail {
-template <class T>
-constexpr bool within(const Volume<T> &volume, double low, double high) {
-    return !volume.is_constant() || within(volume.constant, low, high);
-}
-constexpr bool within(const std::vector<float> &values, double low, double high) {
-    return std::all_of(values.begin(), values.end(), [&](float v) { return within(v, low, high); });
-}
-} // namespace detail
-
 // The media of a description: its lists "volumes", "phases" and "media". Throws DescriptionError.
 Media read_media(const nb::dict &description);
 

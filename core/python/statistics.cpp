@@ -239,6 +239,7 @@ void bind_statistics(nb::module_ &m) {
     m.def("transform_inverse", &transform_inverse, nb::arg("matrix"),
           "The inverse of an affine 4x4 matrix, None where it is singular.");
     bind_scene_statistics(m);
+    bind_media_statistics(m);
 }
 
 } // namespace lajolla

@@ -45,8 +45,11 @@ public:
             if (u_lobe < shares[i]) break;
             u_lobe -= shares[i];
         }
-        const Vec3f wi = sample(chosen, wo, u).wi;
-        return {wi, eval(wo, wi)};
+        auto [wi, pdf] = sample(chosen, wo, u);
+        pdf *= shares[chosen];
+        for (std::size_t i = 0; i < size_; ++i)
+            if (i != chosen && shares[i] > 0) pdf += shares[i] * eval(i, wo, wi);
+        return {wi, pdf};
     }
 
     // Extinction is multiplied by this; see phase.h.

@@ -32,14 +32,9 @@ struct Sggx {
         // Equation 14
         float projected_area(Vec3f w) const { return safe_sqrt(dot(w, S * w)); }
 
-        // Equations 15 and 17: D(h) / (4 area(wo))
         float eval(Vec3f wo, Vec3f wi) const {
             const Vec3f sum = wo + wi;
-            const float squared = length_squared(sum);
-            if (!(squared > 0)) return 0;
-            const float det = S.determinant(), form = dot(sum, S.adjugate() * sum) / squared;
-            const float d = det * safe_sqrt(det) / (pi * sqr(form));
-            return form > 0 ? d / (4 * projected_area(wo)) : 0;
+            return length_squared(sum) > 0 ? reflected(wo, normalize(sum)) : 0;
         }
 
         // Section 4.3 and the appendix: a visible normal, by the projection of the ellipsoid on a disk.
@@ -56,8 +51,15 @@ struct Sggx {
                                   disk.z * inverse_root * ki,
                               disk.y * inverse_root * minor + disk.z * inverse_root * ji,
                               disk.z * inverse_root * ii};
-            const Vec3f wi = normalize(reflect(wo, normalize(frame.to_world(local))));
-            return {wi, eval(wo, wi)};
+            const Vec3f m = normalize(frame.to_world(local));
+            return {normalize(reflect(wo, m)), reflected(wo, m)};
+        }
+
+    private:
+        // Equations 15 and 17, off a mirror with the normal m: D(m) / (4 area(wo))
+        float reflected(Vec3f wo, Vec3f m) const {
+            const float det = S.determinant(), form = dot(m, S.adjugate() * m);
+            return form > 0 ? det * safe_sqrt(det) / (pi * sqr(form)) / (4 * projected_area(wo)) : 0;
         }
     };
 

@@ -25,13 +25,14 @@ struct TabulatedPhase {
     void build() {
         if (values.size() < 2 || values.size() > (1u << 20))
             throw std::invalid_argument("\"values\" must be two numbers or more, up to a million");
-        std::vector<float> areas(values.size() - 1);
         const float largest = *std::max_element(values.begin(), values.end());
         if (!(largest > 0)) throw std::invalid_argument("\"values\" must not all be zero");
-        for (std::size_t i = 0; i < areas.size(); ++i)
-            areas[i] = values[i] / largest / 2 + values[i + 1] / largest / 2;
+        for (const float v : values) table_.push_back(v / largest);
+        std::vector<float> areas(values.size() - 1);
+        for (std::size_t i = 0; i < areas.size(); ++i) areas[i] = (table_[i] + table_[i + 1]) / 2;
         cells_ = Distribution(areas);
-        scale_ = 1 / (2 * pi * largest * cells_.sum() * step());
+        const float norm = 1 / (2 * pi * cells_.sum() * step());
+        for (float &v : table_) v *= norm;
     }
 
     struct Lobe {
@@ -39,8 +40,8 @@ struct TabulatedPhase {
 
         float eval(Vec3f wo, Vec3f wi) const { return table->value(deflection(wo, wi)); }
         PhaseSample sample(Vec3f wo, Vec2f u) const {
-            const Vec3f wi = direction_around(-wo, table->sample_deflection(u.x), u.y);
-            return {wi, eval(wo, wi)};
+            const auto [h, pdf] = table->sample_deflection(u.x);
+            return {direction_around(-wo, h, u.y), pdf};
         }
         float projected_area(Vec3f) const { return 1; }
     };
@@ -50,25 +51,30 @@ struct TabulatedPhase {
 private:
     float step() const { return 2 / static_cast<float>(values.size() - 1); }
 
-    // The normalised value at 1 - cos = h.
+    // The value at 1 - cos = h.
     float value(float h) const {
-        const float last = static_cast<float>(values.size() - 1),
+        const float last = static_cast<float>(table_.size() - 1),
                     x = std::clamp(last - h / step(), 0.0f, last);
-        const std::size_t i = std::min(static_cast<std::size_t>(x), values.size() - 2);
-        return scale_ * lerp(x - static_cast<float>(i), values[i], values[i + 1]);
+        const std::size_t i = std::min(static_cast<std::size_t>(x), table_.size() - 2);
+        return lerp(x - static_cast<float>(i), table_[i], table_[i + 1]);
     }
 
-    // 1 - cos, by the areas of the cells and the quadratic equation within one.
-    float sample_deflection(float u) const {
+    struct Deflection {
+        float height, value; // 1 - cos, and the value there
+    };
+    // By the areas of the cells and the quadratic equation within one.
+    Deflection sample_deflection(float u) const {
         const auto [i, probability, rest] = cells_.sample(u);
-        const float a = values[i], b = values[i + 1];
+        const float a = table_[i], b = table_[i + 1];
         const float divisor = a + std::sqrt(lerp(rest, a * a, b * b));
-        const float t = divisor > 0 ? std::min(rest * (a + b) / divisor, 1.0f) : rest;
-        return (static_cast<float>(values.size() - 1 - i) - t) * step();
+        // Never quite at the ends, where the value may be zero.
+        const float t = std::clamp(rest * (a + b) / std::max(divisor, std::numeric_limits<float>::min()),
+                                   0x1p-20f, 1 - 0x1p-20f);
+        return {(static_cast<float>(table_.size() - 1 - i) - t) * step(), lerp(t, a, b)};
     }
 
+    std::vector<float> table_; // values, normalised
     Distribution cells_;
-    float scale_ = 0;
 };
 
 } // namespace lajolla

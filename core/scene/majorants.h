@@ -55,8 +55,8 @@ bool MajorantGrid::traverse(const Ray &ray, F &&f) const {
     if (!(t < far)) return true;
     std::int32_t cell[3];
     for (std::size_t axis = 0; axis < 3; ++axis) {
-        const auto last = static_cast<float>(cells_[axis] - 1);
-        cell[axis] = static_cast<std::int32_t>(std::clamp(origin[axis] + t * direction[axis], 0.0f, last));
+        const float x = origin[axis] + t * direction[axis]; // perhaps not a number
+        cell[axis] = x > 0 ? static_cast<std::int32_t>(std::min(x, static_cast<float>(cells_[axis] - 1))) : 0;
     }
     while (true) {
         float next = far;

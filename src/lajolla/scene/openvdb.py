@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .nodes import Array
-from .voxels import VoxelError, Voxels, box_transform, checked_shape
+from .voxels import MAX_SPARSE_VALUES, VoxelError, Voxels, box_transform, checked_shape
 
 Bytes = npt.NDArray[np.uint8]
 Values = npt.NDArray[np.float32]
@@ -184,7 +184,7 @@ class _Grid:
         root = tree + int(self.read(tree + 24, "<i8"))
         low, high = self.read(root, "<i4", 6).reshape(2, 3).astype(np.int64)
         width, height, depth = (int(n) for n in high - low + 1)
-        shape = checked_shape((depth, height, width), self.channels)
+        shape = checked_shape((depth, height, width), self.channels, MAX_SPARSE_VALUES)
         background = self.read(root + 28, "<f4", self.channels)
         self.low = low
         self.dense = np.empty((width, height, depth, self.channels), np.float32)  # x first, as in the tree
@@ -284,7 +284,7 @@ def read_vdb(path: Path, grid_name: str) -> Voxels:
         low, high = (np.array(corner, np.int64) for corner in grid.evalActiveVoxelBoundingBox())
         width, height, depth = (int(n) for n in high - low + 1)
         channels = 3 if isinstance(grid.background, tuple) else 1
-        shape = checked_shape((depth, height, width), channels)
+        shape = checked_shape((depth, height, width), channels, MAX_SPARSE_VALUES)
         dense = np.empty((width, height, depth, *([3] if channels == 3 else [])), np.float32)
         grid.copyToArray(dense, ijk=tuple(int(v) for v in low))
         rows = [

@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from .nodes import Array
 
-MAX_VOXELS = 1 << 30
+MAX_VALUES = 1 << 30
+MAX_SPARSE_VALUES = 1 << 29  # of a sparse grid that becomes dense, however small its file
 
 
 class VoxelError(ValueError):
@@ -86,7 +87,9 @@ def _box_or_unit(box: Array) -> Array:
     return box_transform(box[:3], box[3:]) if np.any(box) else np.eye(4)
 
 
-def checked_shape(size: tuple[int, int, int], channels: int) -> tuple[int, int, int, int]:
+def checked_shape(
+    size: tuple[int, int, int], channels: int, most: int = MAX_VALUES
+) -> tuple[int, int, int, int]:
     """The shape of an array of voxels.
 
     Raises:
@@ -94,7 +97,7 @@ def checked_shape(size: tuple[int, int, int], channels: int) -> tuple[int, int, 
     """
     if min(size) < 1 or channels not in (1, 3, 6):
         raise VoxelError(f"{size[2]} x {size[1]} x {size[0]} voxels of {channels} channels make no volume")
-    if size[0] * size[1] * size[2] > MAX_VOXELS:
+    if size[0] * size[1] * size[2] * channels > most:
         raise VoxelError(f"{size[2]} x {size[1]} x {size[0]} voxels are too many")
     return (*size, channels)
 

@@ -1,0 +1,189 @@
+"""Voxel files: .vol of all encodings, .nvdb files that NanoVDB itself wrote, and broken ones.
+
+`volumes/grids.nvdb` was written by NanoVDB 32 with the values that the functions below compute.
+"""
+
+from __future__ import annotations
+
+import struct
+import sys
+import zlib
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from statistics_tools import generator
+
+from lajolla.scene.voxels import VoxelError, read_voxels
+
+NANOVDB = Path(__file__).parent / "volumes" / "grids.nvdb"
+BOX = (-1.0, 0.0, 2.0, 3.0, 0.5, 2.25)
+
+
+def vol(
+    array: np.ndarray, encoding: int = 1, *, version: int = 3, box: tuple[float, ...] = BOX, cut: int = 0
+) -> bytes:
+    depth, height, width, channels = array.shape
+    head = struct.pack("<3sB5i6f", b"VOL", version, encoding, width, height, depth, channels, *box)
+    data = head + array.tobytes()
+    return data[: len(data) - cut]
+
+
+def write(folder: Path, data: bytes, name: str = "a.vol") -> Path:
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("encoding, dtype", [(1, np.float32), (2, np.float16), (3, np.uint8)])
+@pytest.mark.parametrize("channels", [1, 3, 6])
+def test_vol_files_keep_their_type(tmp_path: Path, encoding: int, dtype: type, channels: int) -> None:
+    array = (generator("vol").random((2, 3, 4, channels)) * 200).astype(dtype)
+    voxels = read_voxels(write(tmp_path, vol(array, encoding)), "density")
+    assert voxels.values.dtype == dtype
+    np.testing.assert_array_equal(voxels.values, array)
+    np.testing.assert_allclose(voxels.box @ (0, 0, 0, 1), [*BOX[:3], 1])
+    np.testing.assert_allclose(voxels.box @ (1, 1, 1, 1), [*BOX[3:], 1])
+
+
+ARRAY = np.ones((2, 3, 4, 1), np.float32)
+
+
+@pytest.mark.parametrize(
+    "data, message",
+    [
+        (b"", "not a .vol"),
+        (b"VOL\3", "not a .vol"),
+        (b"LOV" + vol(ARRAY)[3:], "not a .vol"),
+        (vol(ARRAY, version=2), "version is 2"),
+        (vol(ARRAY, 4), "encoding is 4"),
+        (vol(ARRAY, -1), "encoding is -1"),
+        (vol(ARRAY, cut=1), "cut short"),
+        (vol(np.ones((2, 3, 4, 2), np.float32)), "2 channels"),
+        (vol(ARRAY, box=(0, 0, 0, 1, 0, 1)), "is empty"),
+        (vol(ARRAY, box=(0, 0, 0, 1, float("nan"), 1)), "is empty"),
+        (struct.pack("<3sB5i6f", b"VOL", 3, 1, -4, -4, 4, 1, *BOX), "make no volume"),
+        (struct.pack("<3sB5i6f", b"VOL", 3, 1, 2**31 - 1, 2**31 - 1, 2**31 - 1, 1, *BOX), "too many"),
+        (struct.pack("<3sB5i6f", b"VOL", 3, 1, 1000, 1000, 1000, 1, *BOX), "cut short"),
+    ],
+)
+def test_broken_vol_files_are_refused(tmp_path: Path, data: bytes, message: str) -> None:
+    with pytest.raises(VoxelError, match=message):
+        read_voxels(write(tmp_path, data), "density")
+
+
+def indices(low: tuple[int, int, int], high: tuple[int, int, int]) -> tuple[np.ndarray, ...]:
+    """x, y and z of the voxels from low to high, in the order of a volume's values."""
+    z, y, x = np.meshgrid(
+        *(np.arange(a, b + 1) for a, b in zip(low[::-1], high[::-1], strict=True)), indexing="ij"
+    )
+    return x, y, z
+
+
+def pattern(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    return (x * 7 + y * 13 + z * 29) % 64 / 64
+
+
+def test_nanovdb_floats_in_several_nodes() -> None:
+    """Voxels on both sides of zero, where nodes meet; a third of them have the background's value."""
+    voxels = read_voxels(NANOVDB, "density")
+    x, y, z = indices((-9, 3, -2), (14, 11, 17))
+    expected = np.where((x + y + z) % 3, pattern(x + 9, y, z + 2), 0)
+    np.testing.assert_array_equal(voxels.values[..., 0], expected)
+
+
+def test_nanovdb_boxes_are_around_the_voxels() -> None:
+    box = read_voxels(NANOVDB, "density").box  # voxels of a quarter, the first of index space at (1, 2, 3)
+    np.testing.assert_allclose(box @ (0, 0, 0, 1), [1 - 9.5 / 4, 2 + 2.5 / 4, 3 - 2.5 / 4, 1])
+    np.testing.assert_allclose(box @ (1, 1, 1, 1), [1 + 14.5 / 4, 2 + 11.5 / 4, 3 + 17.5 / 4, 1])
+
+
+def test_nanovdb_vectors() -> None:
+    voxels = read_voxels(NANOVDB, "color")
+    np.testing.assert_array_equal(voxels.values, np.stack(indices((-3, 0, 0), (8, 4, 6)), axis=-1))
+
+
+@pytest.mark.parametrize("name, error", [("fp4", 1 / 30), ("fp8", 1 / 510), ("fp16", 1e-5), ("fpn", 1 / 250)])
+def test_nanovdb_quantised_values(name: str, error: float) -> None:
+    values = read_voxels(NANOVDB, name).values[..., 0]
+    np.testing.assert_allclose(values, pattern(*indices((0, 0, 0), (19, 8, 8))), atol=error)
+
+
+def test_nanovdb_grids_are_named() -> None:
+    with pytest.raises(VoxelError, match='no grid "smoke", only color, density, double, fp16'):
+        read_voxels(NANOVDB, "smoke")
+    with pytest.raises(VoxelError, match="values are of type 2; float, "):
+        read_voxels(NANOVDB, "double")
+
+
+def first_grid() -> tuple[bytes, bytes]:
+    """Metadata and unpacked memory of the first grid of the file."""
+    data = NANOVDB.read_bytes()
+    (count,) = struct.unpack_from("<H", data, 12)
+    at, packed = 16, 0
+    for i in range(count):
+        (size,) = struct.unpack_from("<Q", data, at + 8)
+        (length,) = struct.unpack_from("<I", data, at + 136)
+        if i == 0:
+            meta, packed = data[at : at + 176 + length], size
+        at += 176 + length
+    return meta, zlib.decompress(data[at + 8 : at + packed])
+
+
+def nvdb(meta: bytes, grid: bytes, *, codec: int = 0, size: int | None = None) -> bytes:
+    packed = grid if codec == 0 else struct.pack("<Q", len(grid)) + grid
+    sizes = struct.pack("<QQ", len(grid) if size is None else size, len(packed))
+    return struct.pack("<8sIHH", b"NanoVDB0", 0, 1, codec) + sizes + meta[16:] + packed
+
+
+def test_nanovdb_without_compression(tmp_path: Path) -> None:
+    meta, grid = first_grid()
+    voxels = read_voxels(write(tmp_path, nvdb(meta, grid), "a.nvdb"), "of any name")
+    np.testing.assert_array_equal(voxels.values, read_voxels(NANOVDB, "density").values)
+
+
+def test_broken_nanovdb_files_are_refused(tmp_path: Path) -> None:
+    """Cut anywhere, and with any field overwritten: a clear answer, or voxels, and never anything else."""
+    meta, grid = first_grid()
+    whole = nvdb(meta, grid)
+    rng = generator("broken")
+    variants = [whole[:n] for n in (0, 4, 15, 16, 100, 195, 250, 1000, len(whole) - 1)]
+    variants += [nvdb(meta, grid, codec=c) for c in (1, 3, 77)] + [nvdb(meta, grid, size=2**60)]
+    for field in (0, 296, 384, 528, 636, 672, 680, 688, 696, 736, 740, 748, 760, 764, 800, 808):
+        for value in (0, 1, 0xFF):
+            variants.append(nvdb(meta, grid[:field] + bytes([value]) * 8 + grid[field + 8 :]))
+    for _ in range(40):
+        at = int(rng.integers(len(grid)))
+        variants.append(nvdb(meta, grid[:at] + rng.bytes(16) + grid[at + 16 :]))
+    refused = 0
+    for data in variants:
+        try:
+            read_voxels(write(tmp_path, data, "b.nvdb"), "density")
+        except VoxelError as problem:
+            assert str(problem)
+            refused += 1
+    assert refused > 25
+
+
+def test_missing_modules_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("blosc", "openvdb", "pyopenvdb"):
+        monkeypatch.setitem(sys.modules, name, None)
+    meta, grid = first_grid()
+    with pytest.raises(VoxelError, match="pip install blosc"):
+        read_voxels(write(tmp_path, nvdb(meta, grid, codec=2), "c.nvdb"), "density")
+    with pytest.raises(VoxelError, match='"openvdb"'):
+        read_voxels(write(tmp_path, b"", "c.vdb"), "density")
+
+
+def test_blosc_chunks_are_put_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    blosc = ModuleType("blosc")
+    blosc.decompress = zlib.decompress  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "blosc", blosc)
+    meta, grid = first_grid()
+    chunks = [zlib.compress(part) for part in (grid[:5000], grid[5000:])]
+    packed = b"".join(struct.pack("<Q", len(chunk)) + chunk for chunk in chunks)
+    sizes = struct.pack("<QQ", len(grid), len(packed))
+    data = struct.pack("<8sIHH", b"NanoVDB0", 0, 1, 2) + sizes + meta[16:] + packed
+    voxels = read_voxels(write(tmp_path, data, "d.nvdb"), "density")
+    np.testing.assert_array_equal(voxels.values, read_voxels(NANOVDB, "density").values)
