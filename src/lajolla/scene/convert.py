@@ -150,7 +150,7 @@ def _texture_float(builder: Builder, owner: Node, prop: Property, field: Field) 
         return builder.number_texture(prop.value, value)
     if isinstance(value, dict) or value is None:
         return value
-    return value[0] if value[0] == value[1] == value[2] else sum(value) / 3
+    return _mean(value)
 
 
 def _volume_spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
@@ -162,7 +162,11 @@ def _volume_spectrum(builder: Builder, owner: Node, prop: Property, field: Field
 
 def _volume_float(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
     value = _volume_spectrum(builder, owner, prop, field)
-    return value if isinstance(value, dict) or value is None else sum(value) / 3
+    return value if isinstance(value, dict) or value is None else _mean(value)
+
+
+def _mean(rgb: tuple[float, ...]) -> float:
+    return rgb[0] if rgb[0] == rgb[1] == rgb[2] else sum(rgb) / 3
 
 
 def _volume_matrix(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:

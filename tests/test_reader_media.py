@@ -1,0 +1,278 @@
+"""Media, phase functions and volumes in scene files of every age."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from reader_tools import error_of, messages, read
+from test_voxels import NANOVDB, vol
+
+from lajolla import _core
+from lajolla.scene import Description, SceneError, describe
+from lajolla.scene.materials import JENSEN, NARASIMHAN
+
+SHAPE = '<shape type="sphere"><medium name="interior" {}</medium></shape>'
+
+
+def medium(folder: Path, body: str, version: str = "3.0.0") -> tuple[dict[str, Any], Description]:
+    """The first medium of a scene with one sphere, and the whole description."""
+    description = read(folder, SHAPE.format(body), version)
+    _core.Scene(description.core)  # it is accepted
+    assert messages(description, folder) == []
+    return description.core["media"][0], description
+
+
+def homogeneous(folder: Path, body: str, version: str = "3.0.0") -> tuple[np.ndarray, np.ndarray]:
+    entry, _ = medium(folder, f'type="homogeneous">{body}', version)
+    assert entry["type"] == "homogeneous"
+    return np.array(entry["sigma_a"]), np.array(entry["sigma_s"])
+
+
+@pytest.mark.parametrize(
+    "version, body, sigma_a, sigma_s",
+    [
+        ("3.0.0", "", 0.25, 0.75),
+        ("3.0.0", '<float name="sigma_t" value="4"/><float name="scale" value="0.5"/>', 0.5, 1.5),
+        (
+            "3.0.0",
+            '<rgb name="albedo" value="0 0.5 1"/><float name="sigma_t" value="2"/>',
+            (2, 1, 0),
+            (0, 1, 2),
+        ),
+        ("3.0.0", '<float name="sigma_a" value="2"/>', 2, 0),
+        ("0.6.0", "", np.array(JENSEN["Skin1"][1]) * 100, np.array(JENSEN["Skin1"][0]) * 100),
+        ("0.5.0", '<rgb name="sigmaA" value="1 2 3"/><rgb name="sigmaS" value="3"/>', (1, 2, 3), 3),
+        ("0.5.0", '<rgb name="sigmaA" value="1"/>', 1, np.array(JENSEN["Skin1"][0]) * 100),
+        ("0.6.0", '<rgb name="sigmaT" value="8"/><spectrum name="albedo" value="0.25"/>', 6, 2),
+        ("0.4.0", '<float name="densityMultiplier" value="2"/><rgb name="sigmaA" value="1"/>', 2, None),
+        ("0.6.0", '<string name="material" value="ketchup"/>', (6.1, 97, 145), (18, 7, 3)),
+        (
+            "3.0.0",
+            '<string name="material" value="Head &amp; Shoulders Shampoo"/>',
+            None,
+            (26.747, 27.696, 29.574),
+        ),
+    ],
+)
+def test_coefficients_in_every_spelling(
+    tmp_path: Path, version: str, body: str, sigma_a: object, sigma_s: object
+) -> None:
+    for found, expected in zip(homogeneous(tmp_path, body, version), (sigma_a, sigma_s), strict=True):
+        if expected is not None:
+            np.testing.assert_allclose(found, np.broadcast_to(expected, 3), rtol=1e-6)
+
+
+def test_tables_of_measured_media_are_whole() -> None:
+    assert (len(JENSEN), len(NARASIMHAN)) == (12, 35)
+
+
+@pytest.mark.parametrize(
+    "body, message",
+    [
+        ('<rgb name="sigma_a" value="1"/><rgb name="albedo" value="1"/>', "not both"),
+        ('<string name="material" value="Skn1"/>', 'no medium is called "Skn1".*Skin1'),
+        ('<float name="sigma_t" value="1"/><phase type="hg"><float name="g" value="x"/></phase>', "number"),
+        ('<float name="scale" value="-1"/>', '"scale" must be at least 0'),
+        ('<phase type="blendphase"><phase type="isotropic"/></phase>', "needs two phase functions"),
+        ('<phase type="tabphase"><string name="values" value="1, x"/></phase>', "expected a number"),
+        ('<phase type="tabphase"><string name="values" value="1, -1"/></phase>', "values"),
+        ('<phase type="sggx"><string name="S" value="1, 1"/></phase>', "six numbers"),
+        ('<phase type="sggx"><string name="S" value="1, 1, 1, 2, 0, 0"/></phase>', "positive definite"),
+    ],
+)
+def test_impossible_media_are_refused(tmp_path: Path, body: str, message: str) -> None:
+    text = SHAPE.format(f'type="homogeneous">{body}')
+    with pytest.raises(SceneError) as caught:
+        description = read(tmp_path, text)
+        try:
+            _core.Scene(description.core)
+        except _core.DescriptionError as problem:
+            raise description.refusal(problem) from None
+    assert re.search(message, str(caught.value)) and "scene.xml:3" in str(caught.value)
+
+
+def test_phase_functions(tmp_path: Path) -> None:
+    def phases(body: str) -> list[dict[str, Any]]:
+        entry, description = medium(tmp_path, f'type="homogeneous">{body}')
+        assert entry["phase"] == len(description.core["phases"]) - 1
+        return description.core["phases"]
+
+    assert phases('<phase type="hg"/>') == [{"type": "hg"}]
+    assert phases('<phase name="any" type="hg"><float name="g" value="-0.3"/></phase>') == [
+        {"type": "hg", "g": -0.3}
+    ]
+    assert phases('<phase type="hg"><rgb name="g" value="0.3 0.6 0.9"/></phase>')[0]["g"] == pytest.approx(
+        0.6
+    )
+    assert phases('<phase type="tabphase"><string name="values" value="1, 2 3"/></phase>') == [
+        {"type": "tabphase", "values": (1, 2, 3)}
+    ]
+    assert phases('<phase type="sggx"><string name="S" value="1 1 1 0 0 0"/></phase>')[0]["S"] == (
+        1, 1, 1, 0, 0, 0,
+    )  # fmt: skip
+    blend = '<phase type="blendphase"><float name="weight" value="0.2"/>{}{}</phase>'
+    first, second = '<phase {}type="isotropic"/>', '<phase {}type="rayleigh"/>'
+    expected = [
+        {"type": "isotropic"},
+        {"type": "rayleigh"},
+        {"type": "blendphase", "weight": 0.2, "phase_0": 0, "phase_1": 1},
+    ]
+    assert phases(blend.format(first.format(""), second.format(""))) == expected
+    named = second.format('name="phase_1" '), first.format('name="phase_0" ')
+    entry = phases(blend.format(*named))[2]
+    assert (entry["phase_0"], entry["phase_1"]) == (1, 0)
+
+
+def test_unknown_phase_functions_are_isotropic(tmp_path: Path) -> None:
+    body = SHAPE.format('type="homogeneous"><phase type="kkay"/>')
+    description = read(tmp_path, body, "0.6.0")
+    assert description.core["phases"] == [{"type": "isotropic"}]
+    assert len(messages(description, tmp_path)) == 1
+
+
+GRID = '<volume name="{}" type="gridvolume"><string name="filename" value="{}"/>{}</volume>'
+ARRAY = np.linspace(0, 1, 24, dtype=np.float32).reshape(2, 3, 4, 1)
+BOX = (-1.0, 0.0, 2.0, 3.0, 0.5, 2.25)
+
+
+def test_grids_of_both_ages(tmp_path: Path) -> None:
+    """Half a voxel apart: samples lie on the box's faces in files before version 2, within it later."""
+    (tmp_path / "a.vol").write_bytes(vol(ARRAY, box=BOX))
+    body = 'type="heterogeneous">' + GRID.format("density", "a.vol", "")
+    entry, description = medium(tmp_path, body, "0.6.0")
+    assert entry["sigma_t"] == {"volume": 0}
+    old = description.core["volumes"][0]
+    assert (old["align_corners"], old["wrap_mode"]) == (True, "zero")
+    np.testing.assert_allclose(old["to_world"] @ (1, 1, 1, 1), [*BOX[3:], 1])
+
+    new = medium(tmp_path, body)[1].core["volumes"][0]
+    assert "align_corners" not in new and "wrap_mode" not in new
+    np.testing.assert_array_equal(new["to_world"], np.eye(4))
+
+    placed = '<boolean name="use_grid_bbox" value="true"/>'
+    placed += '<transform name="to_world"><scale value="2"/></transform>'
+    body = 'type="heterogeneous">' + GRID.format("sigma_t", "a.vol", placed)
+    new = medium(tmp_path, body)[1].core["volumes"][0]
+    np.testing.assert_allclose(new["to_world"] @ (0, 0, 0, 1), [-2, 0, 4, 1])
+
+    corners = '<point name="min" x="0" y="0" z="0"/><point name="max" x="1" y="2" z="3"/>'
+    body = 'type="heterogeneous">' + GRID.format("density", "a.vol", corners)
+    old = medium(tmp_path, body, "0.6.0")[1].core["volumes"][0]
+    np.testing.assert_allclose(old["to_world"] @ (1, 1, 1, 1), [1, 2, 3, 1])
+
+
+def test_constants_are_volumes_too(tmp_path: Path) -> None:
+    body = (
+        'type="heterogeneous">'
+        '<volume name="density" type="constvolume"><float name="value" value="3"/></volume>'
+        '<volume name="albedo" type="constvolume"><rgb name="value" value="0.9 0.5 0.1"/></volume>'
+        '<float name="scale" value="100"/><string name="method" value="woodcock"/>'
+        '<float name="stepSize" value="0.1"/>'
+    )
+    entry, _ = medium(tmp_path, body, "0.5.0")
+    expected = {"type": "heterogeneous", "sigma_t": (3, 3, 3), "albedo": (0.9, 0.5, 0.1), "scale": 100}
+    assert entry == expected
+
+
+def test_a_varying_albedo_makes_a_medium_heterogeneous(tmp_path: Path) -> None:
+    (tmp_path / "a.vol").write_bytes(vol(ARRAY))
+    body = 'type="homogeneous"><float name="sigma_t" value="2"/>' + GRID.format("albedo", "a.vol", "")
+    entry, _ = medium(tmp_path, body)
+    assert entry == {"type": "heterogeneous", "sigma_t": (2,) * 3, "albedo": {"volume": 0}, "scale": 1}
+
+
+def test_a_medium_is_built_once_and_goes_where_it_is_named(tmp_path: Path) -> None:
+    body = (
+        '<medium type="homogeneous" id="fog"/><medium type="homogeneous" id="milk"/>'
+        '<shape type="sphere"><ref name="interior" id="milk"/><ref name="exterior" id="fog"/></shape>'
+        '<shape type="cube"><ref name="exterior" id="fog"/></shape><shape type="disk"><ref id="fog"/></shape>'
+    )
+    description = read(tmp_path, body)
+    sides = [(s.get("interior", -1), s.get("exterior", -1)) for s in description.core["shapes"]]
+    assert sides == [(0, 1), (-1, 1), (-1, -1)] and len(description.core["media"]) == 2
+    (message,) = messages(description, tmp_path)
+    assert 'must be named "interior" or "exterior"' in message
+    assert _core.Scene(description.core).summary()["media"] == 2
+
+
+def test_the_camera_has_a_medium() -> None:
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "path"},
+        "fog": {"type": "homogeneous", "sigma_t": 2},
+        "sensor": {"type": "perspective", "medium": {"type": "ref", "id": "fog"}},
+    }
+    core = describe(scene).core
+    assert core["sensor"]["medium"] == 0 and core["media"][0]["sigma_a"] == (0.5,) * 3
+    _core.Scene(core)
+
+
+def test_volumes_from_python() -> None:
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "path"},
+        "sensor": {"type": "perspective"},
+        "ball": {
+            "type": "sphere",
+            "interior": {"type": "heterogeneous", "sigma_t": {"type": "gridvolume", "data": ARRAY}},
+        },
+    }
+    volume = describe(scene).core["volumes"][0]
+    assert (volume["grid"].width, volume["grid"].height, volume["grid"].depth) == (4, 3, 2)
+
+
+def test_nanovdb_density_colour_and_fire(tmp_path: Path) -> None:
+    """Grids by name, where the file puts them; temperatures become the colours of black bodies."""
+    (tmp_path / "grids.nvdb").write_bytes(NANOVDB.read_bytes())
+    grid_name = '<string name="grid_name" value="{}"/>'
+    body = (
+        'type="heterogeneous">'
+        + GRID.format("sigma_t", "grids.nvdb", "")
+        + GRID.format("albedo", "grids.nvdb", grid_name.format("color"))
+        + '<volume name="emission" type="blackbody"><string name="filename" value="grids.nvdb"/></volume>'
+    )
+    entry, description = medium(tmp_path, body)
+    density, colour, fire = (
+        description.core["volumes"][entry[k]["volume"]] for k in ("sigma_t", "albedo", "emission")
+    )
+    assert (density["grid"].channels, colour["grid"].channels, fire["grid"].channels) == (1, 3, 3)
+    np.testing.assert_allclose(fire["to_world"] @ (0, 0, 0, 1), [1 - 0.125, 2 - 0.125, 3 - 0.125, 1])
+
+    at = np.array([[1 + 0.25 * 3, 2 + 0.25 * 2, 3 + 0.25 * 5]], np.float32)  # voxel (3, 2, 5): 1325 K
+    emitted = _core.Media({"volumes": [fire]}).volume_many(0, at)[0]
+    body = '<emitter type="point"><blackbody name="intensity" temperature="1325k"/></emitter>'
+    expected = read(tmp_path, body).core["emitters"][0]["intensity"]
+    np.testing.assert_allclose(emitted, expected, rtol=2e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "volume, message",
+    [
+        ('<volume name="sigma_t" type="hgridvolume"/>', "not supported; its data must become one"),
+        ('<volume name="sigma_t" type="gridvolume"/>', 'needs the string "filename"'),
+        (GRID.format("sigma_t", "scene.xml", ""), "cannot be used as a volume: it is not a .vol file"),
+        ('<volume name="sigma_t" type="noise3d"/>', "cannot do without"),
+    ],
+)
+def test_volumes_that_cannot_be_read(tmp_path: Path, volume: str, message: str) -> None:
+    assert message in error_of(tmp_path, SHAPE.format('type="heterogeneous">' + volume))
+
+
+def test_a_medium_without_its_file_is_left_out(tmp_path: Path) -> None:
+    body = SHAPE.format('type="heterogeneous">' + GRID.format("sigma_t", "nowhere.vol", ""))
+    description = read(tmp_path, body)
+    assert description.core["media"] == [] and description.core["shapes"][0]["interior"] == -1
+    assert any("nowhere.vol" in line and "is left out" in line for line in messages(description, tmp_path))
+
+
+def test_voxels_that_are_not_finite_are_zero(tmp_path: Path) -> None:
+    array = ARRAY.copy()
+    array[0, 0, 0] = np.nan
+    (tmp_path / "a.vol").write_bytes(vol(array))
+    description = read(tmp_path, SHAPE.format('type="heterogeneous">' + GRID.format("sigma_t", "a.vol", "")))
+    assert len(messages(description, tmp_path)) == 1
+    _core.Scene(description.core)
