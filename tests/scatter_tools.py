@@ -20,6 +20,7 @@ SPECULAR = 2  # kinds from here on are delta
 
 MODELS: dict[str, dict] = _core.schema()["bsdf"]
 JOINT_SETTINGS = 4  # settings that change all fields at once, per model
+MANY = 8  # scalar fields; models with more are tested with fewer values of each
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,8 @@ def is_accepted(description: Settings) -> bool:
 def settings_of(name: str) -> list[Settings]:
     """Descriptions of one model: one field changed at a time, and all fields at once.
 
-    Scalars are changed under all combinations of choices, colours under one combination each.
+    Scalars are changed under all combinations of choices, colours under one combination each. Without
+    choices, a value that is the field's default makes no setting of its own.
     Corners that the model refuses are left out; its defaults it must accept.
     """
     fields = MODELS[name]["fields"]
@@ -157,7 +159,16 @@ def settings_of(name: str) -> list[Settings]:
         for values in itertools.product(*(values_of(f) for f in switches))
     ]
     result: list[Settings] = [{"type": name}]
-    result += [c | {f["name"]: value} for c in combinations for f in scalars for value in values_of(f)]
+    values = {f["name"]: values_of(f) for f in scalars}
+    if len(scalars) > MANY:
+        values = {key: [value for i, value in enumerate(all_) if i != 1] for key, all_ in values.items()}
+    result += [
+        c | {f["name"]: value}
+        for c in combinations
+        for f in scalars
+        for value in values[f["name"]]
+        if switches or value != f["default"]
+    ]
     coloured = [{f["name"]: value} for f in colours for value in values_of(f)]
     result += [c | colour for c, colour in zip(itertools.cycle(combinations), coloured, strict=False)]
     rng = generator("settings", name)

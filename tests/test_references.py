@@ -35,7 +35,6 @@ NEEDS = {
     "test_homo_dielectric_envmap_volpath": "volpath, homogeneous",
     "test_homo_emitter_inside_medium_volpath": "volpath, homogeneous",
     "test_spot_direct": "texture of spot",
-    "test_texturedprincipled1_path": "principled",
     "test_various_emitters_ptracer": "projector, texture of spot",
     "test_various_shapes_path": "sdfgrid",
 }

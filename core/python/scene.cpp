@@ -329,7 +329,21 @@ nb::dict schema() {
     return kinds;
 }
 
+// Reads the fields alone: what a model's build() computes does not matter here.
+static bool transmissive(const nb::dict &description) {
+    bool result = false;
+    for_each_alternative<Bsdf>([&]<class Model>() {
+        if (nb::cast<std::string>(description["type"]) != Model::name) return;
+        Model model;
+        read_model(model, description, "bsdf");
+        result = is_transmissive(model);
+    });
+    return result;
+}
+
 void bind_scene(nb::module_ &m) {
+    m.def("transmissive", &transmissive, "bsdf"_a,
+          "Whether light passes through a surface with the BSDF of a description.");
     nb::class_<RenderableScene>(m, "Scene", "A scene that can be rendered; it never changes.")
         .def(nb::new_(&make_scene), "description"_a,
              "Builds the scene that a description holds. Raises DescriptionError.")

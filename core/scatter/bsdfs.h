@@ -7,8 +7,16 @@
 #include "scatter/conductor.h"
 #include "scatter/dielectric.h"
 #include "scatter/diffuse.h"
+#include "scatter/disneybsdf.h"
+#include "scatter/disneyclearcoat.h"
+#include "scatter/disneydiffuse.h"
+#include "scatter/disneyglass.h"
+#include "scatter/disneymetal.h"
+#include "scatter/disneysheen.h"
 #include "scatter/null.h"
 #include "scatter/plastic.h"
+#include "scatter/principled.h"
+#include "scatter/principledthin.h"
 #include "scatter/roughconductor.h"
 #include "scatter/roughdielectric.h"
 #include "scatter/roughplastic.h"
@@ -17,15 +25,26 @@
 namespace lajolla {
 
 using Bsdf = std::variant<Diffuse, Dielectric, ThinDielectric, RoughDielectric, Conductor, RoughConductor,
-                          Plastic, RoughPlastic, Null>;
+                          Plastic, RoughPlastic, Principled, PrincipledThin, DisneyBsdf, DisneyDiffuse,
+                          DisneyMetal, DisneyGlass, DisneyClearcoat, DisneySheen, Null>;
 
 namespace detail {
+// The variant of the lobes, each of them once: models may share one.
+template <class Variant, class... Lobes>
+struct Distinct {
+    using type = Variant;
+};
+template <class... Kept, class Next, class... Rest>
+struct Distinct<std::variant<Kept...>, Next, Rest...>
+    : std::conditional_t<(std::is_same_v<Kept, Next> || ...), Distinct<std::variant<Kept...>, Rest...>,
+                         Distinct<std::variant<Kept..., Next>, Rest...>> {};
+
 template <class>
 struct LobesOf;
 template <class... Model>
 struct LobesOf<std::variant<Model...>> {
     static_assert((IsLobe<typename Model::Lobe> && ...));
-    using type = std::variant<typename Model::Lobe...>;
+    using type = Distinct<std::variant<>, typename Model::Lobe...>::type;
 };
 } // namespace detail
 
@@ -55,11 +74,16 @@ inline float roughness(const Lobe &lobe) {
 inline bool is_isotropic(const Bsdf &bsdf) {
     return match(bsdf, [](const auto &model) {
         if constexpr (requires { model.alpha_u; }) return model.alpha_u == model.alpha_v;
+        else if constexpr (requires { model.anisotropic; }) return model.anisotropic == Texture<float>(0);
         else return true;
     });
 }
+// Whether light passes through: some models say so of their kind, others of their parameters.
 inline bool is_transmissive(const Bsdf &bsdf) {
-    return match(bsdf, [](const auto &model) { return std::decay_t<decltype(model)>::Lobe::transmissive; });
+    return match(bsdf, [](const auto &model) {
+        if constexpr (requires { model.transmissive(); }) return model.transmissive();
+        else return std::decay_t<decltype(model)>::Lobe::transmissive;
+    });
 }
 
 } // namespace lajolla

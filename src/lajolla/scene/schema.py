@@ -28,7 +28,15 @@ CHILDREN = {
 # it writes files, which the command line decides.
 HARMLESS = {
     "emitter": ("sampling_weight",),
-    "bsdf": ("sample_visible",),
+    "bsdf": (
+        "sample_visible",
+        "main_specular_sampling_rate",
+        "clearcoat_sampling_rate",
+        "specular_reflectance_sampling_rate",
+        "specular_transmittance_sampling_rate",
+        "diffuse_reflectance_sampling_rate",
+        "diffuse_transmittance_sampling_rate",
+    ),
     "sensor": ("focus_distance", "shutter_open", "shutter_close"),
     "sampler": ("dimension", "scramble", "jitter", "wavefront_size"),
     "film": (

@@ -32,12 +32,14 @@ UV_PROPERTIES = ("uscale", "vscale", "uvscale", "uoffset", "voffset")
 
 
 def upgrade(nodes: Iterable[Node]) -> None:
-    """Brings nodes from files before 2.0 up to date, in place."""
+    """Brings nodes from files before 2.0 up to date, in place. Disney names go either way in any."""
     for node in nodes:
         if node.version < (2, 0, 0):
             _upgrade_names(node)
             _upgrade_uv(node)
             _write_defaults(node)
+        elif node.kind == "bsdf" and node.plugin.lower().startswith("disney"):
+            _upgrade_names(node)
 
 
 def snake_case(name: str) -> str:

@@ -6,6 +6,7 @@ from . import (
     bsdfs,
     colours,
     curves,
+    disney,
     emitters,
     integrators,
     media,
@@ -17,6 +18,7 @@ from . import (
 
 READER_PLUGINS: tuple[Plugin, ...] = (
     *bsdfs.PLUGINS,
+    *disney.PLUGINS,
     *adapters.PLUGINS,
     *colours.PLUGINS,
     *textures.PLUGINS,

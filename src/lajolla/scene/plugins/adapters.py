@@ -13,12 +13,10 @@ from ..schema import BLACK, Content, Field, MaterialId, Plugin, Slot
 if TYPE_CHECKING:
     from ..build import Builder
 
-TRANSMISSIVE = ("dielectric", "thindielectric", "roughdielectric", "null")
-
 
 def lets_light_through(builder: Builder, material: MaterialId) -> bool:
     """Whether any part of a material is seen from both sides."""
-    return any(part["type"] in TRANSMISSIVE for part in builder.parts_of(material))
+    return any(builder.core.transmissive(part) for part in builder.parts_of(material))
 
 
 def _inner(builder: Builder, node: Node, most: int, needed: str) -> list[Slot]:

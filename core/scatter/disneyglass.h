@@ -1,0 +1,39 @@
+#pragma once
+
+#include "scatter/disney.h"
+#include "scatter/roughdielectric.h"
+
+namespace lajolla {
+
+struct DisneyGlass {
+    static constexpr const char *name = "disneyglass";
+    static constexpr const char *doc = "Rough glass, part of disneybsdf (Burley 2015, section 3).";
+    Texture<Spectrum> base_color{Spectrum(0.5f)};
+    Texture<float> roughness{0.5f}, anisotropic{0};
+    float eta = 1.5f;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("base_color", &DisneyGlass::base_color,
+                  "tints the reflection, and light that passes two such surfaces")
+                .range(0, 1),
+            field("roughness", &DisneyGlass::roughness, "square root of alpha, which is at least 0.0001")
+                .range(0, 1),
+            field("anisotropic", &DisneyGlass::anisotropic, "stretches highlights along the tangent")
+                .range(0, 1),
+            field("eta", &DisneyGlass::eta, "index of refraction inside, relative to outside").range(0));
+    }
+
+    using Lobe = RoughDielectric::Lobe;
+
+    void build() { eta = disney::checked_index(eta, true); }
+
+    Lobe prepare(const auto &read) const {
+        const Spectrum base = disney::colour(read(base_color));
+        return {disney::microfacets(disney::fraction(read(roughness)), disney::fraction(read(anisotropic)),
+                                    1e-4f),
+                eta, base, sqrt(base)};
+    }
+};
+
+} // namespace lajolla

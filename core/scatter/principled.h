@@ -1,0 +1,76 @@
+#pragma once
+
+#include "scatter/principledlobe.h"
+
+namespace lajolla {
+
+// Burley's model as Mitsuba 3 has it. It parts from Burley in three places: dielectrics reflect by Fresnel's
+// equations, Schlick's approximation takes the refracted angle where light gets faster inside, and the clear
+// coat lacks the two cosines of a microfacet model's denominator.
+struct Principled {
+    static constexpr const char *name = "principled";
+    static constexpr const char *doc =
+        "Everything from cloth to metal to glass in one model, as Mitsuba 3 defines it (Burley 2015).";
+    Texture<Spectrum> base_color{Spectrum(0.5f)};
+    Texture<float> roughness{0.5f}, anisotropic{0}, metallic{0}, spec_trans{0}, spec_tint{0}, sheen{0},
+        sheen_tint{0}, flatness{0}, clearcoat{0}, clearcoat_gloss{0};
+    float eta = 1.5f;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("base_color", &Principled::base_color, "color of everything but clear coats").range(0, 1),
+            field("roughness", &Principled::roughness, "square root of alpha, which is at least 0.001")
+                .range(0, 1),
+            field("anisotropic", &Principled::anisotropic, "stretches highlights along the tangent")
+                .range(0, 1),
+            field("metallic", &Principled::metallic, "0 is a dielectric, 1 is a metal").range(0, 1),
+            field("spec_trans", &Principled::spec_trans, "0 is opaque, 1 is glass").range(0, 1),
+            field("eta", &Principled::eta, "index of refraction inside, relative to outside").range(0),
+            field("spec_tint", &Principled::spec_tint,
+                  "gives a dielectric's reflection the hue of the base color")
+                .range(0, 1),
+            field("sheen", &Principled::sheen, "reflection of cloth at grazing angles").range(0, 1),
+            field("sheen_tint", &Principled::sheen_tint, "gives sheen the hue of the base color").range(0, 1),
+            field("flatness", &Principled::flatness, "flatter, as if light spread under the surface")
+                .range(0, 1),
+            field("clearcoat", &Principled::clearcoat, "strength of a clear coat").range(0, 1),
+            field("clearcoat_gloss", &Principled::clearcoat_gloss,
+                  "0 is satin (alpha 0.1), 1 is glossy (alpha 0.001)")
+                .range(0, 1));
+    }
+
+    struct Rules {
+        static constexpr bool tinted_reflection = false;
+        static constexpr float schlick(float cos_o, float cos_t, float eta) {
+            return disney::schlick_weight(eta > 1 ? cos_o : cos_t);
+        }
+        static constexpr float clearcoat(float, float cos_i) { return cos_i; }
+    };
+    using Lobe = PrincipledLobe<Rules>;
+
+    bool transmissive() const { return spec_trans != Texture<float>(0); }
+    void build() { eta = disney::checked_index(eta, transmissive()); }
+
+    Lobe prepare(const auto &read) const {
+        const auto share = [&](const Texture<float> &texture) { return disney::fraction(read(texture)); };
+        const Spectrum base = disney::colour(read(base_color));
+        const float m = share(metallic), t = share(spec_trans), tint = share(spec_tint);
+        const Spectrum tinted = disney::Tint(base, 1)(base) * disney::reflectance_of_index(eta);
+        const float rough = share(roughness);
+        return {.surface = disney::microfacets(rough, share(anisotropic), 1e-3f),
+                .coat = disney::Clearcoat(share(clearcoat_gloss)),
+                .eta = eta,
+                .base = base,
+                .metal = base * m + tinted * ((1 - m) * tint),
+                .metal_edge = m + (1 - m) * tint,
+                .dielectric = (1 - m) * (1 - tint),
+                .glass = (1 - m) * t,
+                .diffuse = (1 - m) * (1 - t),
+                .surface_roughness = rough,
+                .flatness = share(flatness),
+                .sheen = disney::Tint(base, share(sheen_tint)) * ((1 - m) * share(sheen)),
+                .coat_share = share(clearcoat) / 4};
+    }
+};
+
+} // namespace lajolla
