@@ -160,6 +160,27 @@ def _ward(translator: Translator, read: Node, node: Node) -> Node | None:
     return translator.nearest(having(node, alpha=float(np.mean(known or [0.1]))))
 
 
+DISNEY_NAMES = {
+    "specular_transmission": "spec_trans",
+    "specular_tint": "spec_tint",
+    "subsurface": "flatness",
+}
+
+
+def _disney(translator: Translator, read: Node, node: Node) -> Node | None:
+    """Mitsuba 3's model of the same family."""
+    whole = {"disneymetal": {"metallic": 1.0}, "disneyglass": {"spec_trans": 1.0}}.get(node.plugin, {})
+    eta = translator.builder.construct(read).get("eta", 1.5)
+    known = {DISNEY_NAMES.get(p.name, p.name): p.value for p in node.properties if p.name != "specular"}
+    empty = Node(node.kind, node.plugin, node.location, node.plugin_location, node.id)
+    return translator.nearest(having(empty, **(known | whole | {"eta": eta})))
+
+
+def _disney_diffuse(translator: Translator, read: Node, node: Node) -> Node | None:
+    color = node.find("base_color")
+    return translator.nearest(having(node, reflectance=color.value) if color else node)
+
+
 def _bitmap(translator: Translator, read: Node, node: Node) -> Node:
     """An image; encodings and channels that Mitsuba 3 does not know are written out as linear values."""
     filter_type = getattr(node.find("filter_type"), "value", "bilinear")
@@ -268,6 +289,8 @@ ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("bsdf", "roughconductor"): _conductor,
     ("bsdf", "roughdielectric"): _rough,
     ("bsdf", "roughplastic"): _rough,
+    **{("bsdf", name): _disney for name in ("disneybsdf", "disneymetal", "disneyglass")},
+    ("bsdf", "disneydiffuse"): _disney_diffuse,
     ("bsdf", "phong"): _phong,
     ("bsdf", "ward"): _ward,
     ("medium", "homogeneous"): _homogeneous,
