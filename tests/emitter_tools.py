@@ -24,7 +24,7 @@ Point = tuple[float, float, float]
 Color = list[float]
 
 COLOR: Color = [3.0, 1.0, 0.25]
-DELTA_TYPES = {"point", "directional", "spot"}  # lights that no ray can hit
+DELTA_TYPES = {"point", "directional", "spot", "projector"}  # lights that no ray can hit
 
 
 @dataclass(frozen=True)
@@ -159,9 +159,16 @@ def fine_meshes() -> list[Lit]:
     ]
 
 
+def random_pixels(width: int, height: int) -> np.ndarray:
+    return np.random.default_rng(3).random((height, width, 3), np.float32) * 4
+
+
 def random_bitmap(width: int, height: int) -> Settings:
-    pixels = np.random.default_rng(3).random((height, width, 3), np.float32) * 4
+    pixels = random_pixels(width, height)
     return {"type": "bitmap", "image": _core.Image(pixels), "wrap_mode": "clamp"}
+
+
+RANDOM = (random_bitmap(5, 4),)
 
 
 def environment_maps() -> list[Lit]:
@@ -212,6 +219,7 @@ def point_lights() -> list[Lit]:
     place = translation(0.3, 0.2, 0.5) @ rotation((1, 1, 0), 50)
     here: tuple[Point, ...] = ((1, 2, 2.5), (0.3, -0.4, 1.5))
     spot = {"type": "spot", "intensity": COLOR, "to_world": place}
+    projector = {"type": "projector", "fov": 70, "to_world": place}
     return [
         Lit("point", {"type": "point", "position": [0.2, 0.5, 0.1], "intensity": COLOR}, None, here),
         Lit("directional", {"type": "directional", "direction": [1, 2, -3], "irradiance": COLOR}, None, here),
@@ -219,13 +227,49 @@ def point_lights() -> list[Lit]:
         Lit("spot without beam", {**spot, "cutoff_angle": 90, "beam_width": 0}, None, here),
         Lit("spot with a sharp edge", {**spot, "cutoff_angle": 40, "beam_width": 40}, None, here),
         Lit("spot by default", spot, None, here),
+        Lit("spot with a texture", {**spot, "cutoff_angle": 50, **picture("texture")}, None, here, RANDOM),
+        Lit("projector", {**projector, "irradiance": COLOR}, None, here, power_slack=5e-3),
+        Lit(
+            "projector of a picture",
+            {**projector, **picture("irradiance"), "aspect": 1.25, "scale": 0.5},
+            None,
+            here,
+            RANDOM,
+            power_slack=1e-2,
+        ),
     ]
+
+
+def picture(field: str) -> Settings:
+    return {field: {"texture": 0}}
 
 
 def constant_light() -> Lit:
     return Lit("constant", {"type": "constant", "radiance": COLOR}, None, ((0, 0, 0),))
 
 
-STUDIED: list[Lit] = [*area_lights(), *spheres_at_distances(), *environment_maps(), constant_light()]
+def distant_disks() -> list[Lit]:
+    """As large as the sun, and larger."""
+    towards = np.array([0.6, -0.48, 0.64])
+    lights = []
+    for angle in (0.5358, 8, 90, 180):
+        emitter = {
+            "type": "distantdisk",
+            "direction": list(-2 * towards),
+            "irradiance": COLOR,
+            "angle": angle,
+        }
+        domain = cone_towards(towards, np.cos(np.radians(angle / 2)))
+        lights.append(Lit(f"disk of {angle} degrees", emitter, None, ((0, 0, 0),), domain=domain))
+    return lights
+
+
+STUDIED: list[Lit] = [
+    *area_lights(),
+    *spheres_at_distances(),
+    *environment_maps(),
+    constant_light(),
+    *distant_disks(),
+]
 FINE: list[Lit] = fine_meshes()
 POINTS: list[Lit] = point_lights()

@@ -13,6 +13,7 @@ from emitter_tools import (
     Lit,
     Point,
     point_lights,
+    random_pixels,
     seen_from,
 )
 from scene_tools import Settings, make_scene, scaling, translation, uv_sphere
@@ -139,41 +140,73 @@ def irradiance(
 
 @pytest.mark.parametrize("lit", POINTS, ids=name_of)
 def test_point_like_lights(lit: Lit) -> None:
-    """Inverse squares, the spot's linear fall-off between its two angles, parallel light."""
+    """Inverse squares, the spot's linear fall-off between its two angles, parallel light, pictures."""
     rng = generator(lit.name)
     seen = 0
     for point in rng.normal(size=(400, 3)) * 2:
         s = _core.emitter_sample_many(lit.scene, point.astype(np.float32), uniforms(rng, 2, 3), 0)
         wi, distance, expected = arriving(lit, point)
-        if expected == 0:
+        if not np.any(expected):
             assert not s["visible"].any()
             continue
         seen += 1
         assert s["delta"].all() and s["visible"].all() and (s["pdf"] == 1).all()
         np.testing.assert_allclose(s["wi"], np.tile(wi, (2, 1)), atol=1e-5)
         np.testing.assert_allclose(s["distance"], distance, rtol=1e-5)
-        np.testing.assert_allclose(s["radiance"], np.tile(expected * np.array(COLOR), (2, 1)), rtol=1e-3)
+        np.testing.assert_allclose(s["radiance"], np.tile(expected, (2, 1)), rtol=1e-3)
         value, pdf = _core.emitter_eval_many(lit.scene, point.astype(np.float32), s["wi"], 0)
         assert not value.any() and not pdf.any(), "no ray hits a point"
     assert seen > 5
 
 
-def arriving(lit: Lit, point: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Direction, distance and what arrives, as a fraction of the light's own colour."""
-    emitter = lit.emitter
+def arriving(lit: Lit, point: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """Direction, distance and what arrives."""
+    emitter, color = lit.emitter, np.array(COLOR)
     if emitter["type"] == "directional":
-        return -np.array(emitter["direction"]) / np.linalg.norm(emitter["direction"]), np.inf, 1.0
+        return -np.array(emitter["direction"]) / np.linalg.norm(emitter["direction"]), np.inf, color
     matrix = np.array(emitter.get("to_world", np.eye(4)))
     origin = np.array(emitter["position"]) if emitter["type"] == "point" else matrix[:3, 3]
     distance = float(np.linalg.norm(origin - point))
     wi = (origin - point) / distance
     if emitter["type"] == "point":
-        return wi, distance, distance**-2
+        return wi, distance, color / distance**2
+    local = -wi @ matrix[:3, :3]
+    shine = projected(emitter, local) if emitter["type"] == "projector" else thrown(emitter, local)
+    return wi, distance, shine / distance**2
+
+
+def thrown(emitter: Settings, local: np.ndarray) -> np.ndarray:
+    """Radiant intensity of a spot."""
     cutoff = emitter.get("cutoff_angle", 20)
     beam = emitter.get("beam_width", 0.75 * cutoff)
-    angle = np.degrees(np.arccos(np.clip(-wi @ matrix[:3, 2], -1, 1)))
+    angle = np.degrees(np.arccos(np.clip(local[2], -1, 1)))
     shine = np.clip((cutoff - angle) / (cutoff - beam), 0, 1) if cutoff > beam else float(angle < cutoff)
-    return wi, distance, shine / distance**2
+    if shine and "texture" in emitter:
+        return (
+            np.array(COLOR)
+            * shine
+            * pictured(0.5 + 0.5 * local[:2] / (local[2] * np.tan(np.radians(cutoff))))
+        )
+    return np.array(COLOR) * shine
+
+
+def projected(emitter: Settings, local: np.ndarray) -> np.ndarray:
+    """Radiant intensity of a projector: pi times the picture over cos^3."""
+    half = np.tan(np.radians(emitter["fov"] / 2)) * np.array([1, 1 / emitter.get("aspect", 1)])
+    uv = 0.5 - 0.5 * local[:2] / (half * local[2])
+    if local[2] <= 0 or np.any(uv < 0) or np.any(uv > 1):
+        return np.zeros(3)
+    color = pictured(uv) if isinstance(emitter["irradiance"], dict) else np.array(COLOR)
+    return np.pi * emitter.get("scale", 1) * color / local[2] ** 3
+
+
+def pictured(uv: np.ndarray) -> np.ndarray:
+    """The test's picture, linear between its pixels."""
+    pixels = random_pixels(5, 4)
+    x, y = np.clip(uv * [5, 4] - 0.5, 0, [4, 3])
+    i, j = min(int(x), 3), min(int(y), 2)
+    rows = pixels[j : j + 2, i] * (1 - x + i) + pixels[j : j + 2, i + 1] * (x - i)
+    return rows[0] * (1 - y + j) + rows[1] * (y - j)
 
 
 def many_lights() -> _core.Scene:
@@ -201,7 +234,7 @@ def test_lights_picked_by_power() -> None:
     require(np.all(np.abs(found.mean(0) - expected) < margin), "point-like lights picked by power")
 
 
-def test_densities_contain_the_power_of_a_light() -> None:
+def test_densities_contain_the_probability_of_a_light() -> None:
     scene = make_scene(
         shapes=[
             {"type": "sphere", "center": [0, 0, z], "radius": 0.2 * i + 0.3, "emitter": i}
@@ -218,7 +251,7 @@ def test_densities_contain_the_power_of_a_light() -> None:
         wi = np.array([[0, 0, z]], np.float32)
         together = _core.emitter_eval_many(scene, origin, wi)[1]
         alone = _core.emitter_eval_many(scene, origin, wi, i)[1]
-        np.testing.assert_allclose(together / alone, power[i] / power.sum(), rtol=1e-5)
+        np.testing.assert_allclose(together / alone, 0.5 * power[i] / power.sum() + 0.25, rtol=1e-5)
 
 
 def test_delta_types_are_all_that_no_ray_hits() -> None:

@@ -122,6 +122,28 @@ EMITTERS = {
     "spot": """<emitter type="spot"><rgb name="intensity" value="60 50 40"/>
         <transform name="to_world"><lookat origin="2, 4, 2" target="0, 0.6, 0.3" up="0, 1, 0"/></transform>
         <float name="cutoff_angle" value="20"/><float name="beam_width" value="12"/></emitter>""",
+    "spot-textured": """<emitter type="spot"><rgb name="intensity" value="60 50 40"/>
+        <texture name="texture" type="bitmap"><string name="filename" value="noise.png"/></texture>
+        <transform name="to_world"><lookat origin="2, 4, 2" target="0, 0.6, 0.3" up="0, 1, 0"/></transform>
+        <float name="cutoff_angle" value="25"/></emitter>""",
+    "projector": """<emitter type="projector"><float name="scale" value="6"/>
+        <texture name="irradiance" type="bitmap"><string name="filename" value="noise.png"/></texture>
+        <transform name="to_world"><lookat origin="2, 4, 2" target="0, 0.6, 0.3" up="0, 1, 0"/></transform>
+        <float name="fov" value="35"/><string name="fov_axis" value="smaller"/></emitter>""",
+    "area-textured": AREA.replace(
+        '<rgb name="radiance" value="12 11 9"/>',
+        """<texture name="radiance" type="bitmap"><string name="filename" value="noise.png"/>
+        <boolean name="raw" value="true"/></texture>""",
+    ),
+    "sunsky": """<emitter type="sunsky"><vector name="sun_direction" x="0.5" y="0.4" z="0.7"/>
+        <transform name="to_world"><rotate x="1" angle="-90"/><rotate y="1" angle="20"/></transform>
+        </emitter>""",
+    "sunsky-of-a-time": """<emitter type="sunsky"><float name="turbidity" value="5.3"/>
+        <rgb name="albedo" value="0.1 0.5 0.9"/><float name="sun_aperture" value="3"/>
+        <integer name="month" value="11"/><float name="hour" value="11.5"/><float name="sky_scale" value="3"/>
+        <float name="latitude" value="47"/><float name="longitude" value="8"/>
+        <float name="timezone" value="1"/>
+        <transform name="to_world"><rotate x="1" angle="-90"/></transform></emitter>""",
     "several": AREA
     + CONSTANT
     + '<emitter type="point"><point name="position" x="-2" y="3" z="2"/></emitter>',

@@ -293,7 +293,6 @@ def test_what_is_no_file(path: str) -> None:
             "beam_width is larger than cutoff_angle",
         ),
         (SPHERE.format('\n<bsdf type="dielectric"><float name="int_ior" value="0"/></bsdf>'), 4, "int_ior"),
-        ('<emitter type="constant"/>\n<emitter type="constant"/>', 4, "one environment light"),
         ('<shape type="cylinder"><float name="radius" value="0"/></shape>', 3, "error: a cylinder needs"),
     ],
 )

@@ -34,8 +34,6 @@ NEEDS = {
     "test_homo_area_light_volpath": "volpath, homogeneous",
     "test_homo_dielectric_envmap_volpath": "volpath, homogeneous",
     "test_homo_emitter_inside_medium_volpath": "volpath, homogeneous",
-    "test_spot_direct": "texture of spot",
-    "test_various_emitters_ptracer": "projector, texture of spot",
     "test_various_shapes_path": "sdfgrid",
 }
 

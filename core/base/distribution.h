@@ -81,6 +81,7 @@ public:
     }
 
     float sum() const { return marginal_.sum(); }
+    bool empty() const { return rows_.empty(); }
 
     Sample sample(Vec2f u) const {
         const auto row = marginal_.sample(u.y);

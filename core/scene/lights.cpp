@@ -45,36 +45,94 @@ DirectSample towards(const Vec3f &p, const SurfaceSample &point) {
     return {wi, distance, target, Spectrum(0), 0};
 }
 
+// What lights are picked by: half of the time by power, else evenly, for power knows nothing of distance, and
+// a lamp at a wall must not be left out because there are brighter ones elsewhere. The power of lights at
+// infinity is what enters the whole scene; little of it may be where the camera looks, and they count for no
+// more than all others.
+std::vector<float> pick_weights(std::span<const Light> lights, std::span<const float> powers) {
+    const auto is_distant = [](const auto &light) {
+        using T = std::decay_t<decltype(light)>;
+        return IsEnvironment<T> || std::is_same_v<T, DirectionalLight>;
+    };
+    double distant = 0, local = 0, shining = 0;
+    for (std::size_t i = 0; i < lights.size(); ++i) {
+        (match(lights[i], is_distant) ? distant : local) += powers[i];
+        shining += powers[i] > 0;
+    }
+    const double factor = local > 0 ? std::min(local / distant, 1.0) : 1;
+    const double even = shining > 0 ? (local + factor * distant) / shining : 0;
+    std::vector<float> weights;
+    for (std::size_t i = 0; i < lights.size(); ++i) {
+        const double power = powers[i] * (match(lights[i], is_distant) ? factor : 1);
+        weights.push_back(power > 0 ? static_cast<float>(power + even) : 0.0f);
+    }
+    return weights;
+}
+
 } // namespace
 
 // Area
 
+// Textured rectangles are sampled by what a table holds of their luminance; it need not be exact, but must
+// not vanish where the texture does not.
+void AreaLight::prepare_sampling(std::span<const TextureModel> textures) {
+    const auto *rectangle = std::get_if<Rectangle>(shape);
+    if (!rectangle || radiance.is_constant()) return;
+    const auto *bitmap = std::get_if<Bitmap>(&textures[static_cast<std::size_t>(radiance.id)]);
+    constexpr std::uint32_t finest = 512;
+    const std::uint32_t width = std::min(bitmap ? bitmap->image->width : finest, finest),
+                        height = std::min(bitmap ? bitmap->image->height : finest, finest);
+    constexpr int probes = 2; // along each side of a cell
+    std::vector<float> weights(static_cast<std::size_t>(width) * height);
+    double sum = 0;
+    for (std::uint32_t y = 0; y < height * probes; ++y)
+        for (std::uint32_t x = 0; x < width * probes; ++x) {
+            const Vec2f u{(static_cast<float>(x) + 0.5f) / static_cast<float>(width * probes),
+                          (static_cast<float>(y) + 0.5f) / static_cast<float>(height * probes)};
+            const float value = luminance(radiance_at(rectangle->sample(0, u), textures));
+            weights[static_cast<std::size_t>(y / probes) * width + x / probes] += std::max(value, 0.0f);
+            sum += value;
+        }
+    constexpr float uniform_share = 0.1f;
+    const auto least = uniform_share * static_cast<float>(sum / static_cast<double>(weights.size()));
+    for (float &weight : weights) weight += least;
+    if (sum > 0) table_ = Distribution2D(weights, width, height);
+}
+
 float AreaLight::power(std::span<const TextureModel> textures, const BoundingSphere &) const {
     const float area = match(*shape, [](const auto &s) { return s.area(); });
-    if (radiance.is_constant()) return pi * area * luminance(radiance.constant);
-    // A textured light counts with its mean over some points: power only steers the picking.
-    constexpr int grid = 32;
+    return pi * area * (radiance.is_constant() ? luminance(radiance.constant) : mean_luminance(textures));
+}
+
+float AreaLight::mean_luminance(std::span<const TextureModel> textures) const {
+    constexpr int grid = 32; // of points: power only steers the picking
     float sum = 0;
     for (int j = 0; j < grid; ++j)
         for (int i = 0; i < grid; ++i) {
             const Vec2f u{(static_cast<float>(i) + 0.5f) / grid, (static_cast<float>(j) + 0.5f) / grid};
-            const float which = static_cast<float>((j * 13 + i * 7) % grid) / grid + 0.5f / grid;
+            const float which = (static_cast<float>((j * 13 + i * 7) % grid) + 0.5f) / grid;
             const SurfaceSample point = match(*shape, [&](const auto &s) { return s.sample(which, u); });
             sum += luminance(radiance_at(point, textures));
         }
-    return pi * area * sum / (grid * grid);
+    return sum / (grid * grid);
 }
 
 DirectSample AreaLight::sample_direct(const Vec3f &p, float u_primitive, Vec2f u,
                                       std::span<const TextureModel> textures) const {
     const auto *sphere = std::get_if<Sphere>(shape);
     const auto cone = sphere ? cone_towards(*sphere, p) : std::nullopt;
+    float density = 1; // over the rectangle's own coordinates
+    if (!table_.empty()) {
+        const auto chosen = table_.sample(u);
+        u = chosen.position;
+        density = chosen.pdf;
+    }
     const SurfaceSample point = cone ? sample_cone_of(*sphere, *cone, u)
                                      : match(*shape, [&](const auto &s) { return s.sample(u_primitive, u); });
     DirectSample sample = towards(p, point);
     const float cosine = -dot(sample.wi, point.normal);
     if (!(cosine > 0)) return {}; // seen from behind
-    sample.pdf = cone ? cone_pdf(cone->height) : point.area_pdf * sqr(sample.distance) / cosine;
+    sample.pdf = cone ? cone_pdf(cone->height) : density * point.area_pdf * sqr(sample.distance) / cosine;
     sample.radiance = radiance.is_constant() ? radiance.constant : radiance_at(point, textures);
     return sample;
 }
@@ -96,7 +154,8 @@ float AreaLight::pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const 
         if (const auto cone = cone_towards(*sphere, p)) return cone_pdf(cone->height);
     const float cosine = std::abs(dot(wi, hit.normal));
     const float area = match(*shape, [](const auto &s) { return s.area(); });
-    return cosine > 0 ? length_squared(hit.position - p) / (area * cosine) : 0;
+    const float density = table_.empty() ? 1 : table_.pdf(hit.uv);
+    return cosine > 0 ? density * length_squared(hit.position - p) / (area * cosine) : 0;
 }
 
 // Environment map
@@ -169,54 +228,20 @@ float EnvironmentMap::pdf_direction(const Vec3f &wi) const {
     return sin_theta > 0 ? distribution_.pdf(square) / (2 * pi * pi * sin_theta) : 0;
 }
 
-// Point, directional, spot
+// Disk
 
-DirectSample PointLight::sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel>) const {
-    const Vec3f to_light = position - p;
-    const float squared = length_squared(to_light), distance = std::sqrt(squared);
-    if (!(squared > 0)) return {};
-    return DirectSample{to_light / distance, distance, position, intensity / squared, 1, true};
-}
-
-void DirectionalLight::build() {
-    if (!(length(direction) > 0))
-        throw std::invalid_argument("direction of a directional light has no length");
+void DistantDisk::build() {
+    if (!(length(direction) > 0)) throw std::invalid_argument("direction of a distant disk has no length");
     direction = normalize(direction);
+    axes_ = frame_around(-direction);
+    const float half = angle * degrees / 2;
+    height_ = 2 * sqr(std::sin(half / 2));
+    radiance_ = irradiance / (pi * sqr(std::sin(half))); // the integral of the cosine over the disk
 }
 
-void SpotLight::build() {
-    if (!(length(to_world.vector({0, 0, 1})) > 0))
-        throw std::invalid_argument("to_world of a spot light is singular: the light shines nowhere");
-    if (beam_width < 0) beam_width = 0.75f * cutoff_angle;
-    if (beam_width > cutoff_angle) throw std::invalid_argument("beam_width is larger than cutoff_angle");
-    axes = frame_around(normalize(to_world.vector({0, 0, 1})));
-}
-
-float SpotLight::falloff(float cos_angle) const {
-    const float angle = std::acos(std::clamp(cos_angle, -1.0f, 1.0f)) / degrees;
-    if (angle <= beam_width) return 1;
-    return angle >= cutoff_angle ? 0 : (cutoff_angle - angle) / (cutoff_angle - beam_width);
-}
-
-float SpotLight::power(std::span<const TextureModel>, const BoundingSphere &) const {
-    constexpr int steps = 256; // midpoint rule over the cone
-    const float last = cutoff_angle * degrees;
-    float sum = 0;
-    for (int i = 0; i < steps; ++i) {
-        const float angle = (static_cast<float>(i) + 0.5f) * last / steps;
-        sum += falloff(std::cos(angle)) * std::sin(angle);
-    }
-    return 2 * pi * luminance(intensity) * sum * last / steps;
-}
-
-DirectSample SpotLight::sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel>) const {
-    const Vec3f to_light = to_world.origin() - p;
-    const float squared = length_squared(to_light), distance = std::sqrt(squared);
-    if (!(squared > 0)) return {};
-    const float shine = falloff(-dot(to_light, axes.n) / distance);
-    if (shine <= 0) return {};
-    return DirectSample{to_light / distance,           distance, to_world.origin(),
-                        intensity * (shine / squared), 1,        true};
+DirectSample DistantDisk::sample_direct(const Vec3f &, float, Vec2f u, std::span<const TextureModel>) const {
+    const Vec3f wi = normalize(axes_.to_world(sample_cone(u, height_)));
+    return DirectSample{wi, infinity, {}, radiance_, cone_pdf(height_)};
 }
 
 // Picking
@@ -229,11 +254,7 @@ LightPicker::LightPicker(std::span<const Light> lights, std::span<const TextureM
         match(lights[i], [&](const auto &light) {
             powers.push_back(light.power(textures, scene));
             has_delta_lights_ |= IsDeltaLight<std::decay_t<decltype(light)>>;
-            if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) {
-                if (environment_ >= 0)
-                    throw std::invalid_argument("a scene has one environment emitter at most");
-                environment_ = static_cast<std::int32_t>(i);
-            }
+            if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) environments_.push_back(i);
         });
     // A light whose power overflows must not hide the others.
     float strongest = 0;
@@ -241,11 +262,11 @@ LightPicker::LightPicker(std::span<const Light> lights, std::span<const TextureM
         if (std::isfinite(power)) strongest = std::max(strongest, power);
     for (float &power : powers)
         if (!std::isfinite(power)) power = strongest > 0 ? strongest : 1;
-    powers_ = Distribution(powers);
+    picks_ = Distribution(pick_weights(lights, powers));
 }
 
 DirectSample LightPicker::sample_direct(const Vec3f &p, float u_pick, Vec2f u) const {
-    const auto pick = powers_.sample(u_pick);
+    const auto pick = picks_.sample(u_pick);
     // A light that is picked rarely leaves few of u_pick's 24 bits to choose a triangle with: low bits of u
     // fill in.
     const float low_bits = u.x * 4096 - std::floor(u.x * 4096);
@@ -255,22 +276,29 @@ DirectSample LightPicker::sample_direct(const Vec3f &p, float u_pick, Vec2f u) c
     });
     if (sample.delta) sample.radiance *= 1 / pick.probability;
     else sample.pdf *= pick.probability;
+    if (environments_.size() > 1 && sample.pdf > 0 && !sample.delta && sample.distance == infinity) {
+        // Lights around the scene are one light, sampled by the mixture of their densities.
+        sample.radiance = environment(sample.wi);
+        sample.pdf = pdf_environment(sample.wi);
+    }
     return sample;
 }
 
 float LightPicker::pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const {
     if (empty()) return 0;
     const auto &light = std::get<AreaLight>(lights_[static_cast<std::size_t>(hit.emitter)]);
-    return powers_.probability(static_cast<std::uint32_t>(hit.emitter)) * light.pdf_hit(p, hit, wi);
+    return picks_.probability(static_cast<std::uint32_t>(hit.emitter)) * light.pdf_hit(p, hit, wi);
 }
 
 float LightPicker::pdf_environment(const Vec3f &wi) const {
-    if (environment_ < 0 || empty()) return 0;
-    const auto index = static_cast<std::uint32_t>(environment_);
-    return powers_.probability(index) * match(lights_[index], [&](const auto &light) {
-               if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) return light.pdf_direction(wi);
-               else return 0.0f;
-           });
+    if (empty()) return 0;
+    float sum = 0;
+    for (const std::uint32_t index : environments_)
+        sum += picks_.probability(index) * match(lights_[index], [&](const auto &light) {
+                   if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) return light.pdf_direction(wi);
+                   else return 0.0f;
+               });
+    return sum;
 }
 
 Spectrum LightPicker::emitted(const Hit &hit, const Vec3f &wo) const {
@@ -280,11 +308,13 @@ Spectrum LightPicker::emitted(const Hit &hit, const Vec3f &wo) const {
 }
 
 Spectrum LightPicker::environment(const Vec3f &direction) const {
-    if (environment_ < 0) return Spectrum(0);
-    return match(lights_[static_cast<std::size_t>(environment_)], [&](const auto &light) {
-        if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) return light.emitted(direction);
-        else return Spectrum(0);
-    });
+    Spectrum sum(0);
+    for (const std::uint32_t index : environments_)
+        sum += match(lights_[index], [&](const auto &light) {
+            if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) return light.emitted(direction);
+            else return Spectrum(0);
+        });
+    return sum;
 }
 
 } // namespace lajolla

@@ -5,33 +5,22 @@
 #include <memory>
 #include <tuple>
 #include <variant>
+#include <vector>
 
 #include "base/distribution.h"
 #include "base/fields.h"
 #include "base/match.h"
 #include "base/texture.h"
 #include "base/transform.h"
+#include "base/warp.h"
+#include "scene/direct_sample.h"
 #include "scene/hit.h"
 #include "scene/image.h"
+#include "scene/point_lights.h"
 #include "scene/shapes.h"
 #include "scene/textures.h"
 
 namespace lajolla {
-
-struct BoundingSphere {
-    Vec3f center{0};
-    float radius = 1;
-};
-
-// A direction towards a light; none where pdf is zero.
-struct DirectSample {
-    Vec3f wi{0};          // unit length
-    float distance = 0;   // infinity for lights around the scene
-    Vec3f target{0};      // where the light is, moved off its surface; meaningless at infinite distance
-    Spectrum radiance{0}; // for lights without area: radiant intensity over squared distance, or irradiance
-    float pdf = 0;        // per solid angle; 1 for lights that no ray can hit
-    bool delta = false;   // no ray can hit the light, only sampling finds it
-};
 
 struct AreaLight {
     static constexpr const char *name = "area";
@@ -44,6 +33,8 @@ struct AreaLight {
         return std::tuple(
             field("radiance", &AreaLight::radiance, "emitted radiance").range(0).unit("W/(m^2 sr)"));
     }
+    // Once the shape is known.
+    void prepare_sampling(std::span<const TextureModel> textures);
     float power(std::span<const TextureModel> textures, const BoundingSphere &) const;
     DirectSample sample_direct(const Vec3f &p, float u_primitive, Vec2f u,
                                std::span<const TextureModel> textures) const;
@@ -55,6 +46,9 @@ struct AreaLight {
 
 private:
     Spectrum radiance_at(const SurfaceSample &point, std::span<const TextureModel> textures) const;
+    float mean_luminance(std::span<const TextureModel> textures) const;
+
+    Distribution2D table_; // of textured rectangles, over texture space
 };
 
 struct ConstantLight {
@@ -105,75 +99,41 @@ private:
     float mean_radiance_ = 0;
 };
 
-struct PointLight {
-    static constexpr const char *name = "point";
-    static constexpr const char *doc = "A point that shines equally in all directions.";
-    Vec3f position{0};
-    Spectrum intensity{1};
+struct DistantDisk {
+    static constexpr const char *name = "distantdisk";
+    static constexpr const char *doc =
+        "A round light infinitely far away, equally bright all over, such as the sun.";
+    Vec3f direction{0, 0, 1};
+    Spectrum irradiance{1};
+    float angle = 0.5358f;
 
     static constexpr auto fields() {
         return std::tuple(
-            field("position", &PointLight::position, "where it stands"),
-            field("intensity", &PointLight::intensity, "radiant intensity").range(0).unit("W/sr"));
-    }
-    float power(std::span<const TextureModel>, const BoundingSphere &) const {
-        return 4 * pi * luminance(intensity);
-    }
-    DirectSample sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel>) const;
-};
-
-struct DirectionalLight {
-    static constexpr const char *name = "directional";
-    static constexpr const char *doc = "Parallel light from infinitely far away.";
-    Vec3f direction{0, 0, 1};
-    Spectrum irradiance{1};
-
-    static constexpr auto fields() {
-        return std::tuple(field("direction", &DirectionalLight::direction, "in which the light travels"),
-                          field("irradiance", &DirectionalLight::irradiance, "on a surface facing the light")
-                              .range(0)
-                              .unit("W/m^2"));
+            field("direction", &DistantDisk::direction, "in which the light of its centre travels"),
+            field("irradiance", &DistantDisk::irradiance, "on a surface facing the light")
+                .range(0)
+                .unit("W/m^2"),
+            field("angle", &DistantDisk::angle, "that its diameter covers").range(1e-2, 180).unit("degrees"));
     }
     void build();
     float power(std::span<const TextureModel>, const BoundingSphere &scene) const {
-        return pi * sqr(scene.radius) * luminance(irradiance);
+        return pi * sqr(scene.radius) * 2 * pi * height_ * luminance(radiance_);
     }
-    DirectSample sample_direct(const Vec3f &, float, Vec2f, std::span<const TextureModel>) const {
-        return DirectSample{-direction, infinity, {}, irradiance, 1, true};
-    }
-};
-
-struct SpotLight {
-    static constexpr const char *name = "spot";
-    static constexpr const char *doc = "A point that shines in a cone around +z, before to_world.";
-    Spectrum intensity{1};
-    float cutoff_angle = 20, beam_width = -1;
-    Transform to_world;
-    Frame axes;
-
-    static constexpr auto fields() {
-        return std::tuple(
-            field("intensity", &SpotLight::intensity, "radiant intensity along the axis")
-                .range(0)
-                .unit("W/sr"),
-            field("cutoff_angle", &SpotLight::cutoff_angle, "between the axis and darkness")
-                .range(0, 180)
-                .unit("degrees"),
-            field("beam_width", &SpotLight::beam_width,
-                  "between the axis and where the light begins to fall off; negative: 3/4 of cutoff_angle")
-                .range(-1, 180)
-                .unit("degrees"),
-            field("to_world", &SpotLight::to_world, "placement in the scene"));
-    }
-    void build();
-    float power(std::span<const TextureModel>, const BoundingSphere &) const;
-    DirectSample sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel>) const;
+    DirectSample sample_direct(const Vec3f &, float, Vec2f u, std::span<const TextureModel>) const;
+    Spectrum emitted(const Vec3f &direction) const { return covers(direction) ? radiance_ : Spectrum(0); }
+    float pdf_direction(const Vec3f &wi) const { return covers(wi) ? cone_pdf(height_) : 0; }
 
 private:
-    float falloff(float cos_angle) const;
+    // By the squared distance of unit vectors, 2 (1 - cos), which does not cancel.
+    bool covers(const Vec3f &wi) const { return length_squared(wi - axes_.n) <= 2 * height_; }
+
+    Frame axes_;       // n towards the light
+    float height_ = 0; // 1 - cos of half the angle
+    Spectrum radiance_{0};
 };
 
-using Light = std::variant<AreaLight, ConstantLight, EnvironmentMap, PointLight, DirectionalLight, SpotLight>;
+using Light = std::variant<AreaLight, ConstantLight, EnvironmentMap, DistantDisk, PointLight,
+                           DirectionalLight, SpotLight, Projector>;
 
 // Lights around the scene, which rays find by missing everything.
 template <class T>
@@ -181,10 +141,10 @@ concept IsEnvironment = requires(const T &light, Vec3f w) { light.pdf_direction(
 
 // Lights that have no area and no extent in solid angle.
 template <class T>
-concept IsDeltaLight =
-    std::is_same_v<T, PointLight> || std::is_same_v<T, DirectionalLight> || std::is_same_v<T, SpotLight>;
+concept IsDeltaLight = std::is_same_v<T, PointLight> || std::is_same_v<T, DirectionalLight> ||
+                       std::is_same_v<T, SpotLight> || std::is_same_v<T, Projector>;
 
-// All lights of a scene, picked by power.
+// All lights of a scene, picked by power and evenly.
 class LightPicker {
 public:
     LightPicker() = default;
@@ -192,7 +152,7 @@ public:
                 const BoundingSphere &scene);
 
     // No light has any power: there is nothing to sample.
-    bool empty() const { return !(powers_.sum() > 0); }
+    bool empty() const { return !(picks_.sum() > 0); }
     // Whether some light can be found by sampling it alone.
     bool has_delta_lights() const { return has_delta_lights_; }
     // `u_pick` also chooses within a light; densities include the pick.
@@ -200,16 +160,17 @@ public:
     // Density of sampling a hit on a light, or a direction that leaves the scene, from p.
     float pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const;
     float pdf_environment(const Vec3f &wi) const;
-    // Radiance that a ray carries from a light it hits, or from around the scene.
+    // Radiance that a ray carries from a light it hits, or from around the scene. Lights around the scene
+    // add up.
     Spectrum emitted(const Hit &hit, const Vec3f &wo) const;
     Spectrum environment(const Vec3f &direction) const;
 
 private:
     std::span<const Light> lights_;
     std::span<const TextureModel> textures_;
-    std::int32_t environment_ = -1;
+    std::vector<std::uint32_t> environments_;
     bool has_delta_lights_ = false;
-    Distribution powers_;
+    Distribution picks_;
 };
 
 } // namespace lajolla

@@ -43,9 +43,11 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
         for (const std::uint32_t id : group)
             if (parts_.slots[id].emitter >= 0)
                 throw std::invalid_argument("a shape in a group cannot be a light");
-    for (const Light &light : parts_.lights)
-        if (const auto *area = std::get_if<AreaLight>(&light); area && !area->shape)
-            throw std::invalid_argument("an area emitter needs a shape");
+    for (Light &light : parts_.lights)
+        if (auto *area = std::get_if<AreaLight>(&light)) {
+            if (!area->shape) throw std::invalid_argument("an area emitter needs a shape");
+            area->prepare_sampling(parts_.textures);
+        }
 
     for (const Bsdf &bsdf : parts_.bsdfs)
         bsdf_traits_.push_back({is_transmissive(bsdf), is_isotropic(bsdf), is_delta(bsdf),

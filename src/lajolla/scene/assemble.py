@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+import numpy as np
 
 from .build import Builder
 from .default_camera import default_camera
@@ -12,7 +15,7 @@ from .nodes import Node, Property, Rgb
 from .plugins.adapters import lets_light_through
 from .schema import BLACK, Slot
 
-ENVIRONMENTS = ("envmap", "constant")
+ENVIRONMENTS = ("envmap", "constant", "sky", "sunsky")
 
 
 def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
@@ -29,9 +32,10 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
         _add_shape(builder, node)
     for _, node in scene.children("emitter"):
         _add_emitter(builder, node)
+    _warn_of_several_environments(builder, scene)
     _warn_of_missing_attributes(builder)
     if not builder.emitters:
-        builder.diagnostics.warn("the scene has no light and is black", scene.location)
+        _add_missing_light(builder, scene)
     sensor = _only(builder, scene, "sensor")
     camera = _one(builder, sensor) if sensor else _missing_sensor(builder, scene)
     sensor = sensor or _implied(scene, "sensor", "perspective")
@@ -139,12 +143,34 @@ def _media(builder: Builder, shape: Node) -> dict[str, int]:
 def _add_emitter(builder: Builder, node: Node) -> None:
     if node.plugin.lower() == "area":
         raise SceneError("an area light must stand inside a shape", node.location)
-    entry = builder.construct(node)
-    if entry is None:
+    entries = builder.construct(node)
+    for entry in entries if isinstance(entries, list) else [entries]:
+        if entry is not None:
+            builder.add("emitters", entry, node)
+
+
+def _warn_of_several_environments(builder: Builder, scene: Node) -> None:
+    found = [n for _, n in scene.children("emitter") if n.plugin.lower() in ENVIRONMENTS]
+    if len(found) > 1 and scene.version >= (2, 0, 0):
+        builder.diagnostics.warn("several lights around the scene: they add up", found[1].location)
+
+
+def _add_missing_light(builder: Builder, scene: Node) -> None:
+    """In files before 2.0 sun and sky, as Mitsuba 0.6 adds them; newer ones are dark."""
+    if scene.version >= (2, 0, 0) or any(True for _ in scene.children("emitter")):
+        builder.diagnostics.warn("the scene has no light and is black", scene.location)
         return
-    if entry["type"] in ENVIRONMENTS and any(other["type"] in ENVIRONMENTS for other in builder.emitters):
-        raise SceneError("a scene has one environment light at most; this is the second", node.location)
-    builder.add("emitters", entry, node)
+    builder.diagnostics.warn("the scene has no light; sun and sky are added", scene.location)
+    angle = math.radians(-120)
+    turn = np.eye(4)
+    turn[0, [0, 2]] = math.cos(angle), math.sin(angle)
+    turn[2, [0, 2]] = -math.sin(angle), math.cos(angle)
+    node = _implied(scene, "emitter", "sunsky")
+    daylight = {"to_world": turn, "scale": 2.0, "extend": True, "sun_radius_scale": 15.0}
+    daylight |= {"up": "y", "sun_model": "preetham", "albedo": 0.2}
+    for name, value in daylight.items():
+        node.set_default(name, value)
+    _add_emitter(builder, node)
 
 
 def _add_shape(builder: Builder, node: Node) -> list[int]:

@@ -87,5 +87,11 @@ def _write_defaults(node: Node) -> None:
     elif node.kind == "bsdf" and node.plugin in ("bumpmap", "normalmap"):
         node.set_default("flip_invalid_normals", False)
         node.set_default("use_shadowing_function", False)
+    elif node.kind == "emitter" and node.plugin in ("sun", "sky", "sunsky"):
+        node.set_default("up", "y")
+        if node.plugin != "sky":
+            node.set_default("sun_model", "preetham")
+        if node.plugin != "sun":
+            node.set_default("albedo", 0.2)
     elif node.kind == "texture" and node.plugin == "bitmap":
         node.set_default("filter_type", "ewa")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..images import is_integer_file, read_pixels
 from ..nodes import Node
 from ..schema import Field, Plugin
+from .lenses import LENS, field_of_view, width_per_axis
 from .textures import decode
 
 if TYPE_CHECKING:
@@ -52,7 +54,31 @@ def _spot(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any
     return {"type": "spot", **values}
 
 
+def _projector(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    """The picture's own shape decides which way it is wide."""
+    picture = values.get("irradiance")
+    entry = builder.textures[picture["texture"]] if isinstance(picture, dict) else {}
+    image = entry.get("image")
+    values["aspect"] = image.width / image.height if image is not None else 1.0
+    lens = field_of_view(node, values)
+    axis, half = lens.pop("fov_axis", "x"), math.tan(math.radians(lens.pop("fov")) / 2)
+    half_width = half * width_per_axis(axis, values["aspect"])
+    return {"type": "projector", **lens, "fov": math.degrees(2 * math.atan(half_width))}
+
+
+def _collimated(builder: Builder, node: Node, values: dict[str, Any]) -> None:
+    """Left out: the beam has no width, and paths from the camera never meet it."""
+    builder.diagnostics.unknown(
+        f"{node} is a beam without width, which no path finds; it is left out", node.location
+    )
+
+
 PLACE = Field("to_world", "transform", "placement, instead of the above")
+BEAM = (
+    Field("to_world", "transform", "placement in the scene"),
+    Field("power", "spectrum", "of the beam", 1.0, unit="W"),
+    Field("irradiance", "spectrum", "of the beam", 1.0),
+)
 FILENAME = Field("filename", "string", "a latitude-longitude panorama; y is up")
 
 PLUGINS = (
@@ -68,4 +94,6 @@ PLUGINS = (
     Plugin("emitter", "point", "", (PLACE,), _point, model="point"),
     Plugin("emitter", "directional", "", (PLACE,), _directional, model="directional"),
     Plugin("emitter", "spot", "", (), _spot, model="spot"),
+    Plugin("emitter", "projector", "", LENS, _projector, model="projector", hidden=("aspect",)),
+    Plugin("emitter", "collimated", "A beam without width; it is left out.", BEAM, _collimated),
 )

@@ -2,41 +2,19 @@
 
 from __future__ import annotations
 
-import math
-import re
 from typing import TYPE_CHECKING, Any
 
-from ..errors import Location, SceneError
-from ..literals import Text, parse_float
+from ..errors import SceneError
 from ..nodes import Node
 from ..schema import CHILDREN, Field, Plugin
+from .lenses import FOCAL_LENGTH, field_of_view
 
 if TYPE_CHECKING:
     from ..build import Builder
 
-FILM_DIAGONAL = math.hypot(36, 24)  # mm, of the 35 mm film that focal lengths refer to
-
 
 def _perspective(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    focal_length = node.find("focal_length")
-    values.pop("focal_length", None)
-    if "fov" not in values:
-        millimeters = (
-            50.0 if focal_length is None else _millimeters(focal_length.value, focal_length.location)
-        )
-        values["fov"] = math.degrees(2 * math.atan(FILM_DIAGONAL / (2 * millimeters)))
-        values["fov_axis"] = "diagonal"
-    elif focal_length is not None:
-        raise SceneError('give either "fov" or "focal_length"', focal_length.name_location)
-    return {"type": node.plugin.lower(), **values}
-
-
-def _millimeters(value: object, location: Location) -> float:
-    text = Text(re.sub(r"\s*mm\s*$", "", str(value)), location)
-    length = parse_float(text)
-    if length <= 0:
-        raise text.fail("a length above zero")
-    return length
+    return {"type": node.plugin.lower(), **field_of_view(node, values)}
 
 
 def _film(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
@@ -65,9 +43,6 @@ def _independent(builder: Builder, node: Node, values: dict[str, Any]) -> dict[s
     return {"type": "independent", "sample_count": 4, **values}
 
 
-FOCAL_LENGTH = Field(
-    "focal_length", "string", "instead of fov, on 35 mm film; counts where neither is given", "50mm"
-)
 LOW_DISCREPANCY = ("stratified", "multijitter", "ldsampler", "orthogonal", "halton", "hammersley")
 PIXELS = "pixels"
 FILM_FIELDS = (

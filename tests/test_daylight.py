@@ -1,0 +1,117 @@
+"""Sun and sky: places of the sun, the two models' tables, and what files of either age mean by them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reader_tools import error_of, messages, read
+
+from lajolla.scene.sky import Moment, hosek_sun, preetham_sun, sky_map, sun_angles
+
+ALBEDO = np.full(3, 0.3)
+
+
+@pytest.mark.parametrize(
+    "moment, zenith, azimuth",
+    [
+        # Equinox noon at the equator and at 40 degrees north; solstices at noon; all by geometry.
+        (Moment(2010, 3, 20, 12, 7, 0, 0, 0, 0), 0, None),
+        (Moment(2010, 9, 23, 11, 52, 0, 40, 0, 0), 40, 180),
+        (Moment(2010, 6, 21, 12, 2, 0, 23.44, 0, 0), 0, None),
+        (Moment(2010, 12, 21, 11, 58, 0, -60, 0, 0), 36.56, 0),
+        (Moment(2010, 3, 20, 18, 7, 0, 0, 0, 0), 90, 270),
+        (Moment(2010, 3, 20, 9, 7, 0, 0, 0, 3), 90, 90),
+    ],
+)
+def test_the_sun_is_where_geometry_puts_it(moment: Moment, zenith: float, azimuth: float | None) -> None:
+    found = np.degrees(sun_angles(moment))
+    assert abs(found[0] - zenith) < 0.5
+    assert azimuth is None or abs((found[1] - azimuth + 180) % 360 - 180) < 1
+
+
+def test_both_suns_redden_towards_the_horizon_and_agree_roughly() -> None:
+    for model in (hosek_sun, preetham_sun):
+        high, low = model(np.radians(60), 3.0), model(np.radians(5), 3.0)
+        assert np.all(low < high) and low[2] / low[0] < 0.5 * high[2] / high[0]
+    ratio = preetham_sun(np.radians(50), 3.0) / hosek_sun(np.radians(50), 3.0)
+    assert np.all((ratio > 0.75) & (ratio < 1.35))
+
+
+@pytest.mark.parametrize("elevation", [0, 1e-4, 0.3, np.pi / 2])
+@pytest.mark.parametrize("turbidity", [1, 1.5, 9.99, 10])
+def test_corners_are_finite(elevation: float, turbidity: float) -> None:
+    sun = np.array([np.cos(elevation), np.sin(elevation), 0])
+    for values in (
+        sky_map(sun, turbidity, ALBEDO, 16),
+        sky_map(sun, turbidity, np.zeros(3), 16, stretch=2, extend=True),
+        hosek_sun(elevation, turbidity),
+        preetham_sun(elevation, turbidity),
+    ):
+        assert np.all(np.isfinite(values)) and np.all(values >= 0)
+
+
+def test_the_sky_ends_at_the_horizon_unless_it_is_extended() -> None:
+    sun = np.array([0, 0.6, -0.8])
+    plain, extended = (sky_map(sun, 3, ALBEDO, 32, extend=e) for e in (False, True))
+    assert plain.shape == (17, 32, 3)
+    assert plain[:8].all() and not plain[9:].any() and extended[9:16].all()
+    row = plain[round(16 * np.arccos(0.6) / np.pi), :, 1]
+    assert np.argmax(row) in (0, 31) and row.max() > 2 * row.min()  # brightest around the sun, at -z
+
+
+def emitters(folder: Path, body: str, version: str) -> list[dict]:
+    return read(folder, body, version).core["emitters"]
+
+
+def test_old_files_have_y_up_and_new_ones_z(tmp_path: Path) -> None:
+    body = '<emitter type="sunsky"/>'
+    (_, old), (_, new) = (emitters(tmp_path, body, version) for version in ("0.6.0", "3.0.0"))
+    zenith, azimuth = sun_angles(Moment())
+    level = np.sin(zenith) * np.array([np.cos(azimuth), np.sin(azimuth)])
+    np.testing.assert_allclose(old["direction"], [-level[1], -np.cos(zenith), level[0]], atol=1e-6)
+    np.testing.assert_allclose(new["direction"], [level[0], level[1], -np.cos(zenith)], atol=1e-6)
+
+
+@pytest.mark.parametrize("version, name", [("0.6.0", "sunDirection"), ("3.0.0", "sun_direction")])
+def test_the_direction_is_that_in_the_scene(tmp_path: Path, version: str, name: str) -> None:
+    body = f"""<emitter type="sunsky"><vector name="{name}" x="3" y="2" z="1"/>
+        <transform name="{"toWorld" if version < "2" else "to_world"}"><rotate x="1" angle="20"/>
+        </transform></emitter>"""
+    sky, disk = emitters(tmp_path, body, version)
+    expected = np.array([3, 2, 1]) / np.sqrt(14)
+    np.testing.assert_allclose(disk["direction"], -expected, atol=1e-6)
+    assert sky["type"] == "envmap" and disk["type"] == "distantdisk"
+
+
+def test_a_larger_sun_shines_as_much(tmp_path: Path) -> None:
+    body = '<emitter type="sun"><float name="sunRadiusScale" value="{}"/></emitter>'
+    point, true, large = (emitters(tmp_path, body.format(s), "0.6.0")[0] for s in (0, 1, 15))
+    assert point["type"] == "directional" and large["angle"] == pytest.approx(15 * true["angle"])
+    for light in (true, large):
+        np.testing.assert_allclose(light["irradiance"], point["irradiance"], rtol=2e-3)
+
+
+def test_a_sun_below_the_horizon_is_told(tmp_path: Path) -> None:
+    body = '<emitter type="sunsky"><float name="hour" value="2"/></emitter>'
+    description = read(tmp_path, body)
+    assert not description.core["emitters"]
+    assert any("below the horizon" in line for line in messages(description, tmp_path))
+
+
+def test_a_sun_without_direction_is_refused(tmp_path: Path) -> None:
+    body = '<emitter type="sky"><vector name="sun_direction" x="0" y="0" z="0"/></emitter>'
+    assert "no direction to the sun" in error_of(tmp_path, body)
+
+
+def test_old_files_without_a_light_get_sun_and_sky(tmp_path: Path) -> None:
+    kinds = [light["type"] for light in emitters(tmp_path, '<shape type="sphere"/>', "0.5.0")]
+    assert kinds == ["envmap", "distantdisk"]
+    assert not emitters(tmp_path, '<shape type="sphere"/>', "3.0.0")
+
+
+def test_beams_without_width_are_told(tmp_path: Path) -> None:
+    description = read(tmp_path, '<emitter type="collimated"/>', "0.6.0")
+    assert not description.core["emitters"]
+    assert any("no path finds" in line for line in messages(description, tmp_path))
