@@ -115,10 +115,10 @@ def test_what_cannot_be_written_is_told(tmp_path: Path, capsys: pytest.CaptureFi
     path = tmp_path / "scene.xml"
     path.write_text(
         """<scene version="3.0.0"><integrator type="path"/><sensor type="perspective"/>
-        <shape type="sphere"><bsdf type="phong"/></shape></scene>"""
+        <shape type="sphere"><bsdf type="hk"/></shape></scene>"""
     )
     assert cli.main(["convert", str(path), str(tmp_path / "new.xml")]) == 0
-    assert 'no bsdf "phong"; "roughplastic" is' in capsys.readouterr().err
+    assert 'no bsdf "hk"; "diffuse" is' in capsys.readouterr().err
     assert cli.main(["convert", str(path), str(path)]) == 1
     assert "is the scene itself" in capsys.readouterr().err
     assert cli.main(["convert", str(path), str(tmp_path / "nowhere" / "new.xml")]) == 1

@@ -147,8 +147,8 @@ WARNINGS = {
         'scene.xml:3:34: warning: there is no bsdf "difuse"; "diffuse" is used',
     ),
     "plugin with a known substitute": (
-        SPHERE.format('<bsdf type="ward"/>'),
-        'scene.xml:3:34: warning: there is no bsdf "ward"; "roughplastic" is used',
+        SPHERE.format('<bsdf type="hk"/>'),
+        'scene.xml:3:34: warning: there is no bsdf "hk"; "diffuse" is used',
     ),
     "plugin without a substitute": (
         '<emitter type="laser"/>',

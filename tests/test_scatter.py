@@ -34,10 +34,11 @@ from statistics_tools import (
 SETTINGS = [settings for name in MODELS for settings in settings_of(name)]
 each_setting = pytest.mark.parametrize("settings", SETTINGS, ids=label)
 
-# Models and switches that may return a little more light than they receive, and why.
+# Models, switches and choices that may return a little more light than they receive, and why.
 ENERGY_GAIN: dict[str, tuple[float, str]] = {
     "plastic": (2e-3, "the mean Fresnel reflectance from within is a polynomial fit"),
     "roughplastic": (2e-3, "the same fit"),
+    "fast": (2e-2, "Oren and Nayar's short form exceeds one for white facets seen from near the rim"),
     "multiscatter": (2e-3, "what is lost is looked up in a table that is linear between its nodes"),
     "disneydiffuse": (0.03, "retro-reflection is a fit to measured materials, not a balance of energy"),
     "disneybsdf": (0.2, "that, and the diffuse part does not give up what the surface and the coat reflect"),
@@ -54,6 +55,12 @@ NOT_RECIPROCAL = {
 LOSSLESS: dict[str, tuple[Settings, float, str]] = {
     "diffuse": ({"reflectance": 1}, 1e-5, "a Lambertian surface of albedo one"),
     "null": ({}, 1e-6, "nothing is there"),
+    "roughdiffuse": (
+        {"variant": "energy-preserving", "reflectance": 1, "alpha": 0.7},
+        1e-4,
+        "all bounces between white facets",
+    ),
+    "difftrans": ({"transmittance": 1}, 1e-5, "all light goes through"),
     "dielectric": ({}, 1e-5, "Fresnel's reflected and refracted fractions add up to one"),
     "thindielectric": ({}, 1e-5, "the same, summed over the reflections within the slab"),
     "conductor": ({}, 1e-5, "the default is a perfect mirror"),
@@ -86,8 +93,12 @@ def directions_for(bsdf: Bsdf, settings: Settings) -> list[np.ndarray]:
 
 
 def given(settings: Settings) -> list[str]:
-    """The switches that are on."""
-    return [name for name, value in settings.items() if value is True]
+    """The switches that are on, and the choices."""
+    return [
+        name if value is True else value
+        for name, value in settings.items()
+        if value in (True,) or isinstance(value, str)
+    ]
 
 
 def test_level_covers_the_number_of_tests() -> None:

@@ -6,6 +6,7 @@
 #include "scatter/bsdf.h"
 #include "scatter/conductor.h"
 #include "scatter/dielectric.h"
+#include "scatter/difftrans.h"
 #include "scatter/diffuse.h"
 #include "scatter/disneybsdf.h"
 #include "scatter/disneyclearcoat.h"
@@ -14,19 +15,23 @@
 #include "scatter/disneymetal.h"
 #include "scatter/disneysheen.h"
 #include "scatter/null.h"
+#include "scatter/phong.h"
 #include "scatter/plastic.h"
 #include "scatter/principled.h"
 #include "scatter/principledthin.h"
 #include "scatter/roughconductor.h"
 #include "scatter/roughdielectric.h"
+#include "scatter/roughdiffuse.h"
 #include "scatter/roughplastic.h"
 #include "scatter/thindielectric.h"
+#include "scatter/ward.h"
 
 namespace lajolla {
 
 using Bsdf = std::variant<Diffuse, Dielectric, ThinDielectric, RoughDielectric, Conductor, RoughConductor,
                           Plastic, RoughPlastic, Principled, PrincipledThin, DisneyBsdf, DisneyDiffuse,
-                          DisneyMetal, DisneyGlass, DisneyClearcoat, DisneySheen, Null>;
+                          DisneyMetal, DisneyGlass, DisneyClearcoat, DisneySheen, RoughDiffuse,
+                          DiffuseTransmitter, Phong, Ward, Null>;
 
 namespace detail {
 // The variant of the lobes, each of them once: models may share one.

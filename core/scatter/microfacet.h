@@ -125,6 +125,12 @@ public:
         return normalize({alpha_u_ * m.x, alpha_v_ * m.y, m.z});
     }
 
+    // Any normal, with the density density(m) cos(theta_m), of a Beckmann surface.
+    Vec3f sample_all(Vec2f u) const {
+        const float slope = std::sqrt(-std::log(1 - u.x)), phi = 2 * pi * u.y;
+        return normalize({alpha_u_ * slope * std::cos(phi), alpha_v_ * slope * std::sin(phi), 1});
+    }
+
     // The mean of f(m) over the microfacets of normal m that are visible from w, by the midpoint rule with
     // about n x n nodes. GGX: in the numbers that sample_visible() takes, with more nodes for its tail.
     // Beckmann: in slopes s, t along and across w, whose density is (cot - s) exp(-s^2 - t^2) for s < cot.

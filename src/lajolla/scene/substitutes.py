@@ -16,10 +16,6 @@ SUBSTITUTES = {
     "bsdf": {
         "coating": NESTED,
         "roughcoating": NESTED,
-        "roughdiffuse": "diffuse",
-        "difftrans": "diffuse",
-        "phong": "roughplastic",
-        "ward": "roughplastic",
         "hk": "diffuse",
         "irawan": "diffuse",
         "hair": "diffuse",

@@ -28,6 +28,12 @@ OLD_PROPERTIES = {
     ("film", "crop_x"): "crop_offset_x",
     ("film", "crop_y"): "crop_offset_y",
 }
+# Second names that Mitsuba 0.6 has for a property; the first counts where both are given.
+SYNONYMS = {
+    "diffuse": ("reflectance", "diffuse_reflectance"),
+    "roughdiffuse": ("reflectance", "diffuse_reflectance"),
+    "difftrans": ("transmittance", "diffuse_transmittance"),
+}
 UV_PROPERTIES = ("uscale", "vscale", "uvscale", "uoffset", "voffset")
 
 
@@ -52,9 +58,10 @@ def _upgrade_names(node: Node) -> None:
     for prop in node.properties:
         name = snake_case(prop.name)
         prop.name = OLD_PROPERTIES.get((node.kind, name), name)
-    if node.plugin == "diffuse" and node.find("reflectance") is None:
+    name, synonym = SYNONYMS.get(node.plugin, ("", ""))
+    if synonym and node.find(name) is None:
         for prop in node.properties:
-            prop.name = "reflectance" if prop.name == "diffuse_reflectance" else prop.name
+            prop.name = name if prop.name == synonym else prop.name
 
 
 def _upgrade_uv(node: Node) -> None:
@@ -78,6 +85,8 @@ def _write_defaults(node: Node) -> None:
     if node.kind == "bsdf" and node.plugin in ("conductor", "roughconductor", "roughconductorGGX"):
         node.set_default("material", "Cu")
         node.set_default("ext_eta", AIR)  # eta and k are divided by it
+    if node.kind == "bsdf" and node.plugin in ("roughconductorGGX", "roughdielectricGGX"):
+        node.set_default("distribution", "ggx")
     elif node.kind == "medium" and node.plugin == "homogeneous":
         node.set_default("material", "Skin1")
     elif node.kind == "volume" and node.plugin == "gridvolume":

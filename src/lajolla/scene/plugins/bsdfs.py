@@ -34,6 +34,17 @@ def _rough_dielectric(builder: Builder, node: Node, values: dict[str, Any]) -> d
     return {"type": "roughdielectric", **values}
 
 
+def _ward(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    _roughness(builder, node, values)
+    return {"type": "ward", **values}
+
+
+def _rough_diffuse(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    if values.pop("use_fast_approx", False):
+        values.setdefault("variant", "fast")
+    return {"type": "roughdiffuse", **values}
+
+
 def _rough_plastic(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     alpha = _squared(builder, node, values.pop("roughness", None))
     if alpha is not None:
@@ -80,6 +91,8 @@ ALPHA = (
     Field("alpha", "texture_float", "alpha_u and alpha_v at once", 0.1, 0.0),
     Field("roughness", "texture_float", "square root of alpha, as lajolla writes it", None, 0.0),
 )
+FAST = Field("use_fast_approx", "boolean", 'the variant "fast", as Mitsuba 0.6 asks for it', False)
+
 PLUGINS = (
     Plugin("bsdf", "conductor", "", MATERIAL, _conductor, model="conductor"),
     Plugin(
@@ -92,4 +105,6 @@ PLUGINS = (
     ),
     Plugin("bsdf", "roughdielectric", "", ALPHA, _rough_dielectric, model="roughdielectric"),
     Plugin("bsdf", "roughplastic", "", (ALPHA[1],), _rough_plastic, model="roughplastic"),
+    Plugin("bsdf", "ward", "", ALPHA, _ward, model="ward"),
+    Plugin("bsdf", "roughdiffuse", "", (FAST,), _rough_diffuse, model="roughdiffuse"),
 )
