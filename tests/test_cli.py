@@ -123,7 +123,7 @@ def test_pixel(capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("", "which command? There is render, check, compare, list"),
+        ("", "which command? There is render, check, convert, compare, list"),
         ("rendr room.xml", "unknown command 'rendr'; did you mean 'render'?"),
         ("room.xml", "Perhaps: lajolla render room.xml"),
         ("test", "./lajolla test"),

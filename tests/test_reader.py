@@ -127,7 +127,7 @@ def test_filter_by_default(tmp_path: Path) -> None:
 def test_no_integrator(tmp_path: Path) -> None:
     path = tmp_path / "scene.xml"
     path.write_text('<scene version="0.6.0"><sensor type="perspective"/></scene>')
-    assert load_description(path).core["integrator"] == {"type": "path", "max_depth": 2, "strategy": "mis"}
+    assert load_description(path).core["integrator"] == {"type": "direct"}
     assert load_description(path, integrator="path").core["integrator"] == {"type": "path"}
     path.write_text('<scene version="3.0.0"><sensor type="perspective"/></scene>')
     assert load_description(path).core["integrator"] == {"type": "path"}

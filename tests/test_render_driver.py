@@ -66,9 +66,9 @@ def integrator_of(given: dict[str, Any], **options: Any) -> dict[str, Any]:  # n
 
 def test_another_integrator_takes_what_it_knows() -> None:
     path = {"type": "path", "max_depth": 3, "rr_depth": 2}
-    assert integrator_of(path, integrator="depth") == {"type": "depth"}
+    assert integrator_of(path, integrator="depth") == {"type": "field", "field": "depth"}
     assert integrator_of(path, integrator="path") == path
-    assert integrator_of(path, integrator="direct") == {"type": "path", "max_depth": 2, "strategy": "mis"}
+    assert integrator_of(path, integrator="direct") == {"type": "direct"}
     assert integrator_of({"type": "direct", "emitter_samples": 0}, integrator="path") == {"type": "path"}
     assert integrator_of({"type": "volpath", "max_depth": 7}, integrator="path") == path_of_depth(7)
     aov = {"type": "aov", "aovs": "d:depth", "inner": path_of_depth(4)}

@@ -187,6 +187,23 @@ SceneParts read_parts(const nb::dict &description) {
     return parts;
 }
 
+Output read_output(const nb::dict &description) {
+    Output output{read_variant<Integrator>(description, "integrator"), {}, {}};
+    output.others =
+        read_list(description, "other_integrators", [](const nb::dict &entry, const std::string &where) {
+            return variant_from<Integrator>(entry, where);
+        });
+    output.channels =
+        read_list(description, "channels", [&](const nb::dict &entry, const std::string &where) {
+            auto channel = model_from<Channel>(entry, where);
+            if (static_cast<std::size_t>(channel.source) > output.others.size())
+                throw DescriptionError(where + ".source: there is no integrator " +
+                                       std::to_string(channel.source));
+            return channel;
+        });
+    return output;
+}
+
 std::unique_ptr<RenderableScene> make_scene(const nb::dict &description) {
     auto result = std::make_unique<RenderableScene>();
     const auto sampler_model = read_variant<SamplerModel>(description, "sampler");
@@ -195,7 +212,7 @@ std::unique_ptr<RenderableScene> make_scene(const nb::dict &description) {
         result->sample_count = sampler.sample_count;
         result->seed = sampler.seed;
     });
-    result->integrator = read_variant<Integrator>(description, "integrator");
+    result->output = read_output(description);
     SceneParts parts = read_parts(description);
     try {
         const nb::gil_scoped_release release;
@@ -227,13 +244,13 @@ nb::dict summary(const RenderableScene &self) {
 class Render {
 public:
     Render(const RenderableScene &scene, std::optional<std::uint32_t> seed)
-        : scene_(scene), seed_(seed.value_or(scene.seed)), sums_(3 * pixels()) {}
+        : scene_(scene), seed_(seed.value_or(scene.seed)), sums_(scene.output.channel_count() * pixels()) {}
 
     bool add(std::uint32_t first, std::uint32_t count, int threads) {
         const std::lock_guard one_at_a_time(adding_);
         std::vector<double> next = sums_; // only add() writes sums_
         progress_.pixels = 0;
-        const auto report = lajolla::render(*scene_.scene, scene_.integrator,
+        const auto report = lajolla::render(*scene_.scene, scene_.output,
                                             {scene_.sequence, seed_, first, count, threads}, next, progress_);
         if (!report) {
             progress_.cancelled = false;
@@ -259,9 +276,11 @@ public:
         float *data = values.release();
         const nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<float *>(p); });
         const Film &film = scene_.scene->film();
-        return nb::cast(nb::ndarray<nb::numpy, float>(
-            data, {static_cast<std::size_t>(film.crop_height), static_cast<std::size_t>(film.crop_width), 3},
-            owner));
+        return nb::cast(nb::ndarray<nb::numpy, float>(data,
+                                                      {static_cast<std::size_t>(film.crop_height),
+                                                       static_cast<std::size_t>(film.crop_width),
+                                                       scene_.output.channel_count()},
+                                                      owner));
     }
     std::uint64_t samples() const { return locked(samples_); }
     std::uint64_t rays() const { return locked(rays_); }
@@ -294,7 +313,7 @@ std::tuple<float, float, float> replay_sample(const RenderableScene &self, std::
                                               std::uint32_t x, std::uint32_t y, std::uint32_t sample) {
     Tracer tracer(self.scene->accel());
     const Spectrum value =
-        sample_radiance(*self.scene, self.integrator, self.sequence, seed, {x, y, sample}, tracer);
+        sample_radiance(*self.scene, self.output.integrator, self.sequence, seed, {x, y, sample}, tracer);
     return {value.x, value.y, value.z};
 }
 
@@ -359,6 +378,14 @@ void bind_scene(nb::module_ &m) {
                 return std::tuple(s.scene->film().crop_offset_x, s.scene->film().crop_offset_y);
             },
             "position (x, y) of the crop window on the film")
+        .def_prop_ro(
+            "channels",
+            [](const RenderableScene &s) {
+                std::vector<std::string> labels;
+                for (const Channel &channel : s.output.channels) labels.push_back(channel.label);
+                return labels;
+            },
+            "labels of the channels that are rendered beside red, green and blue")
         .def_ro("sample_count", &RenderableScene::sample_count, "samples per pixel that the scene asks for")
         .def_ro("seed", &RenderableScene::seed, "seed that the scene asks for")
         .def("summary", &summary, "Counts of what is in it, and its size in bytes.");
@@ -373,7 +400,10 @@ void bind_scene(nb::module_ &m) {
              "where cancel() was called meanwhile. threads = 0 uses them all.")
         .def("cancel", &Render::cancel, "Stops add(), from another thread.")
         .def_prop_ro("progress", &Render::progress, "Finished fraction of the running add().")
-        .def("image", &Render::image, "Mean of the samples: float32 (height, width, 3), linear sRGB.")
+        .def("image", &Render::image,
+             "Mean of the samples: float32 (height, width, 3 + number of channels); the first three are "
+             "linear "
+             "sRGB.")
         .def_prop_ro("samples", &Render::samples, "Samples per pixel so far.")
         .def_prop_ro("rays", &Render::rays, "Rays traced so far.")
         .def_prop_ro("nonfinite", &Render::nonfinite,
@@ -393,8 +423,7 @@ void bind_scene(nb::module_ &m) {
         "record_rays",
         [](const RenderableScene &scene, std::uint32_t count, int threads) {
             return std::make_unique<RayRecording>(
-                scene,
-                record(*scene.scene, scene.integrator, {scene.sequence, scene.seed, 0, count, threads}));
+                scene, record(*scene.scene, scene.output, {scene.sequence, scene.seed, 0, count, threads}));
         },
         "scene"_a, "count"_a, "threads"_a = 0, nb::keep_alive<0, 1>(),
         nb::call_guard<nb::gil_scoped_release>(), "Renders `count` samples per pixel and keeps every ray.");

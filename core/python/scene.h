@@ -13,7 +13,7 @@ namespace lajolla {
 // What a description says: the scene, and how it wants to be rendered.
 struct RenderableScene {
     std::unique_ptr<const Scene> scene;
-    Integrator integrator;
+    Output output;
     SequenceKind sequence;
     int sample_count;
     std::uint32_t seed;

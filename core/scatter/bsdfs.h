@@ -69,6 +69,16 @@ template <class Read>
                                                          const Vec2f &u) {
     return match(lobe, [&](const auto &l) { return l.sample(wo, u_lobe, u); });
 }
+// The parameter that stands for a BSDF's diffuse colour, where it has one.
+template <class Read>
+std::optional<Spectrum> diffuse_colour(const Bsdf &bsdf, const Read &read) {
+    return match(bsdf, [&](const auto &model) -> std::optional<Spectrum> {
+        if constexpr (requires { model.base_color; }) return read(model.base_color);
+        else if constexpr (requires { model.diffuse_reflectance; }) return read(model.diffuse_reflectance);
+        else if constexpr (requires { model.reflectance; }) return read(model.reflectance);
+        else return std::nullopt;
+    });
+}
 inline bool is_delta(const Bsdf &bsdf) {
     return match(bsdf, [](const auto &model) { return std::decay_t<decltype(model)>::Lobe::delta; });
 }

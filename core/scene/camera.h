@@ -22,6 +22,7 @@ struct CameraRay {
     // Uniform numbers: what happens on the way to the first vertex, and by which channel the path samples
     // media.
     float flight = 0, channel = 0;
+    Vec2f film{}, lens{}; // what it was generated from
 };
 
 struct Perspective {

@@ -153,6 +153,8 @@ public:
 
     // No light has any power: there is nothing to sample.
     bool empty() const { return !(picks_.sum() > 0); }
+    // Whether rays that leave the scene find a light.
+    bool has_environment() const { return !environments_.empty(); }
     // Whether some light can be found by sampling it alone.
     bool has_delta_lights() const { return has_delta_lights_; }
     // `u_pick` also chooses within a light; densities include the pick.

@@ -8,7 +8,7 @@ Bounds bounds_of(const Shape &shape) {
     return match(shape, [](const auto &s) { return s.bounds(); });
 }
 
-BoundingSphere bounding_sphere(const SceneParts &parts) {
+BoundingSphere sphere_around(const SceneParts &parts) {
     std::vector<bool> is_member(parts.shapes.size(), false);
     std::vector<Bounds> groups;
     for (const Group &group : parts.groups) {
@@ -57,9 +57,12 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
             reads_footprints_ |= bitmap->reads_footprints();
     materials_ = Materials(parts_.materials, parts_.adapters, parts_.bsdfs);
 
-    match(parts_.camera,
-          [&](auto &camera) { camera.build(parts_.film.aspect(), static_cast<float>(parts_.film.width)); });
-    picker_ = LightPicker(parts_.lights, parts_.textures, bounding_sphere(parts_));
+    match(parts_.camera, [&](auto &camera) {
+        camera.build(parts_.film.aspect(), static_cast<float>(parts_.film.width));
+        to_camera_ = inverse(camera.to_world).value_or(Transform{});
+    });
+    bounding_sphere_ = sphere_around(parts_);
+    picker_ = LightPicker(parts_.lights, parts_.textures, bounding_sphere_);
     accel_.emplace(parts_.shapes, parts_.groups, parts_.instances);
 }
 
@@ -87,15 +90,21 @@ void Scene::fill_in_instance(const Ray &ray, const RayHit &found, Hit &hit) cons
     instance.place(hit);
 }
 
+Scene::Choice Scene::choose(const Hit &hit, const Vec3f &wo, float u) const {
+    Choice choice{-1, false, {hit.shading_normal, hit.dp_du, false}};
+    if (hit.material < 0) return choice;
+    const Material &material = materials_[hit.material];
+    choice.turned = dot(hit.normal, wo) < 0 && !(material.back == MaterialId{});
+    if (choice.turned) choice.normal = {-hit.shading_normal, hit.dp_du, true};
+    choice.bsdf = materials_.choose(choice.turned ? material.back : material.front, sharp_reader(hit), hit,
+                                    wo, u, choice.normal);
+    return choice;
+}
+
 Surface Scene::surface(const Hit &hit, const Vec3f &wo, float u) const {
     const Surface black{true, {}, {}, {}, {}};
-    if (hit.material < 0) return black;
-    const Material &material = materials_[hit.material];
+    const auto [id, turned, normal] = choose(hit, wo, u);
     const bool behind = dot(hit.normal, wo) < 0;
-    const bool turned = behind && !(material.back == MaterialId{});
-    MappedNormal normal{turned ? -hit.shading_normal : hit.shading_normal, hit.dp_du, turned};
-    const std::int32_t id =
-        materials_.choose(turned ? material.back : material.front, sharp_reader(hit), hit, wo, u, normal);
     if (id < 0) return black;
     const BsdfTraits traits = bsdf_traits_[static_cast<std::size_t>(id)];
     if (behind && !turned && !traits.transmissive) return black;
@@ -125,6 +134,20 @@ Surface Scene::surface(const Hit &hit, const Vec3f &wo, float u) const {
     constexpr float sharpest_alpha = 5e-4f;
     surface.sharp |= !picker_.has_delta_lights() && roughness(surface.lobe) < sharpest_alpha;
     return surface;
+}
+
+Spectrum Scene::albedo(const Hit &hit, const Vec3f &wo, float u) const {
+    const std::int32_t id = choose(hit, wo, u).bsdf;
+    if (id < 0) return Spectrum(0);
+    const auto colour = diffuse_colour(parts_.bsdfs[static_cast<std::size_t>(id)], filtered_reader(hit, wo));
+    if (colour) return *colour;
+    const Surface seen = surface(hit, wo, u);
+    return seen.black ? Spectrum(0) : eval(seen.lobe, seen.wo, {0, 0, 1}).f_cos * pi;
+}
+
+Vec3f Scene::mapped_normal(const Hit &hit, const Vec3f &wo, float u) const {
+    const Choice choice = choose(hit, wo, u);
+    return choice.turned ? -choice.normal.n : choice.normal.n;
 }
 
 float Scene::passage(const Hit &hit) const {

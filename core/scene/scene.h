@@ -109,6 +109,12 @@ public:
     // The lobe at a hit, seen from `wo` (world space). Of a blend it is one, chosen by the uniform number u.
     Surface surface(const Hit &hit, const Vec3f &wo, float u) const;
 
+    // The diffuse colour at a hit: a parameter of materials that have one; of others pi times their value
+    // between `wo` and the normal, which is that of a diffuse surface as bright. Of a blend as surface().
+    Spectrum albedo(const Hit &hit, const Vec3f &wo, float u) const;
+    // The shading normal as the material's maps turn it.
+    Vec3f mapped_normal(const Hit &hit, const Vec3f &wo, float u) const;
+
     // The fraction of light that passes straight through a hit: 1 - opacity, and all of it at a `null`
     // surface.
     float passage(const Hit &hit) const;
@@ -121,9 +127,19 @@ public:
     // The bitmap that the front BSDF of a hit's material reads first, if any.
     const Bitmap *first_bitmap(const Hit &hit) const;
 
+    Vec3f camera_space(Vec3f p) const { return to_camera_.point(p); }
+    const BoundingSphere &bounding_sphere() const { return bounding_sphere_; } // of all shapes
+
     std::size_t bytes() const;
 
 private:
+    // The BSDF at a hit, -1 for black; whether it is that of the back, and the normal then looks there.
+    struct Choice {
+        std::int32_t bsdf;
+        bool turned;
+        MappedNormal normal;
+    };
+    Choice choose(const Hit &hit, const Vec3f &wo, float u) const;
     void fill_in_instance(const Ray &ray, const RayHit &found, Hit &hit) const;
     // Textures at a hit: over its footprint, seen from `wo`; or as sharp as they are, alike for all rays.
     TextureReader filtered_reader(const Hit &hit, const Vec3f &wo) const {
@@ -143,6 +159,8 @@ private:
     LightPicker picker_;
     FilterSampler filter_;
     bool reads_footprints_ = false;
+    Transform to_camera_;
+    BoundingSphere bounding_sphere_;
 };
 
 } // namespace lajolla

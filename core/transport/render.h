@@ -5,16 +5,48 @@
 #include <atomic>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "transport/ao.h"
+#include "transport/direct.h"
+#include "transport/first_hit.h"
 #include "transport/path.h"
-#include "transport/views.h"
 #include "transport/volpath.h"
 
 namespace lajolla {
 
-using Integrator =
-    std::variant<Path, VolPath, Depth, ShadingNormal, MeanCurvature, RayDifferentialView, MipmapLevel>;
+using Integrator = std::variant<Path, VolPath, Direct, AmbientOcclusion, FirstHit>;
+
+// What a channel beside red, green and blue records of a sample.
+enum class Recorded { rgb, xyz, alpha, one };
+constexpr auto choices(Recorded) { return std::array{"rgb", "xyz", "alpha", "one"}; }
+
+struct Channel {
+    std::string label;
+    int source = 0; // an integrator of the output; 0 is the one of the picture
+    Recorded recorded = Recorded::rgb;
+    int component = 0;
+    bool squared = false; // of every sample: for second moments
+
+    static constexpr auto fields() {
+        return std::tuple(field("label", &Channel::label, "its name in a file"),
+                          field("source", &Channel::source, "0: the picture's integrator").range(0),
+                          field("recorded", &Channel::recorded, "`one` is 1 everywhere"),
+                          field("component", &Channel::component, "of rgb or xyz").range(0, 2),
+                          field("squared", &Channel::squared, "of every sample: for second moments"));
+    }
+};
+
+// What is rendered: the picture, whose red, green and blue are the first three channels, and what is recorded
+// beside it. All of a sample's channels belong to one camera ray and one place under the pixel filter.
+struct Output {
+    Integrator integrator;          // of the picture
+    std::vector<Integrator> others; // for channels: source 1 and so on
+    std::vector<Channel> channels;
+
+    std::size_t channel_count() const { return 3 + channels.size(); }
+};
 
 // One sample of one pixel; pixels count over the whole film.
 struct SampleId {
@@ -43,18 +75,18 @@ struct Progress {
     std::atomic<bool> cancelled{false};
 };
 
-// The radiance of one sample, filter weight included.
+// The radiance of one sample of the picture, filter weight included.
 Spectrum sample_radiance(const Scene &scene, const Integrator &integrator, SequenceKind sequence,
                          std::uint32_t seed, SampleId id, Tracer &tracer);
 
-// Adds the job's samples, in order, to the sums of the crop window's pixels: three doubles each, row by row.
-// Returns nothing where the job was cancelled; the sums are meaningless then.
-std::optional<Report> render(const Scene &scene, const Integrator &integrator, const Job &job,
-                             std::span<double> sums, Progress &progress);
+// Adds the job's samples, in order, to the sums of the crop window's pixels: channel_count() doubles each,
+// row by row. Returns nothing where the job was cancelled; the sums are meaningless then.
+std::optional<Report> render(const Scene &scene, const Output &output, const Job &job, std::span<double> sums,
+                             Progress &progress);
 
 // The rays of a job, one list per tile, and the time in seconds that the ray tracer alone takes for them.
 using Recording = std::vector<std::vector<RecordedRay>>;
-Recording record(const Scene &scene, const Integrator &integrator, const Job &job);
+Recording record(const Scene &scene, const Output &output, const Job &job);
 double replay_seconds(const Scene &scene, const Recording &recording, int threads);
 
 } // namespace lajolla

@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
 
-EXTENSIONS = ".exr, .hdr, .pfm, .png or .jpg"
+EXTENSIONS = ".exr, .hdr, .pfm, .png, .jpg, .npy or .m"
 
 
 class UsageError(Exception):

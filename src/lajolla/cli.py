@@ -80,8 +80,7 @@ def open_scene(arguments: argparse.Namespace, path: Path | None = None) -> Scene
 
 
 def command_render(arguments: argparse.Namespace) -> int:
-    named = arguments.outputs or [Path(arguments.scene.stem + ending) for ending in (".exr", ".png")]
-    outputs = list(dict.fromkeys(named))
+    outputs = list(dict.fromkeys(arguments.outputs or []))
     if arguments.pixel is None:  # what would fail after hours of rendering fails now
         for output in outputs:
             image.check_output(output)
@@ -93,8 +92,12 @@ def command_render(arguments: argparse.Namespace) -> int:
     if arguments.pixel is not None:
         print(*scene.radiance(*arguments.pixel, arguments.sample))
         return 0
+    outputs = outputs or [Path(arguments.scene.stem + ending) for ending in scene.film.endings]
     for output in outputs:
-        image.check_space(output, scene.width, scene.height)
+        image.check_output(output)
+        image.check_space(output, scene.width, scene.height, 3 + len(scene.core.channels))
+    if scene.core.channels and not any(output.suffix.lower() in image.HOLD_CHANNELS for output in outputs):
+        say(f"warning: only {' and '.join(image.HOLD_CHANNELS)} files hold all channels of this scene")
     rendering = scene.rendering(threads=arguments.threads)
     interrupt = _run(rendering, scene, quiet=arguments.quiet)
     if rendering.samples == 0 and interrupt is not None:

@@ -5,23 +5,30 @@ import secrets
 import shutil
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import ArrayLike, NDArray
 
-FloatImage = NDArray[np.float32]
+from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, RGB_TO_XYZ, Film, FloatImage, matrix_text
 
 HIGH_RANGE = (".exr", ".hdr", ".pfm")
+MATRIX = (".npy", ".m")
 JPEG = (".jpg", ".jpeg")
 LOW_RANGE = (".png", *JPEG)
+ENDINGS = (*HIGH_RANGE, *LOW_RANGE, *MATRIX)
+HOLD_CHANNELS = (".exr", ".npy")  # what can hold more than a picture
+DEFAULT_FILM = Film()
+NO_CHANNELS: Mapping[str, FloatImage] = MappingProxyType({})
 MAX_EXPOSURE = 100.0  # stops
 MAX_HALF = 65504.0  # the largest finite 16-bit float
+MAX_UINT = 2.0**32 - 256  # the largest that float32 holds
 MAX_RGBE = float(np.float32(1.69e38))  # larger numbers wrap around in OpenImageIO's encoder
 
 
@@ -34,16 +41,30 @@ class ImageWarning(UserWarning):
 
 
 class Image:
-    """A rendered picture: linear RGB in `array`, float32 of shape (height, width, 3), first row on top."""
+    """A rendered picture: linear RGB in `array`, float32 of shape (height, width, 3), first row on top.
 
-    def __init__(self, array: ArrayLike) -> None:
+    What else was rendered is in `channels`, by name: float32 of shape (height, width); "A" is alpha. `film`
+    tells how the picture is written.
+    """
+
+    def __init__(
+        self,
+        array: ArrayLike,
+        channels: Mapping[str, ArrayLike] = NO_CHANNELS,
+        film: Film = DEFAULT_FILM,
+    ) -> None:
         self.array: FloatImage = np.asarray(array, dtype=np.float32)
         if self.array.ndim != 3 or self.array.shape[2] != 3:
             raise ImageError(f"a picture has shape (height, width, 3), not {self.array.shape}")
+        self.channels = {name: np.asarray(values, dtype=np.float32) for name, values in channels.items()}
+        for name, values in self.channels.items():
+            if values.shape != self.array.shape[:2]:
+                raise ImageError(f"channel {name!r} has shape {values.shape}, not {self.array.shape[:2]}")
+        self.film = film
 
     def save(self, path: str | os.PathLike[str], *, exposure: float = 0.0, half: bool = False) -> None:
         """Writes the picture; see `write`."""
-        write(Path(path), self.array, exposure=exposure, half=half)
+        write(Path(path), self.array, exposure=exposure, half=half, channels=self.channels, film=self.film)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:  # noqa: ANN401
         return np.array(self.array, dtype=dtype) if copy else np.asarray(self.array, dtype=dtype)
@@ -70,52 +91,87 @@ def decode_srgb(encoded: ArrayLike) -> FloatImage:
     return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
-def tone_map(linear: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
-    """Linear radiance times 2^exposure as 8-bit sRGB; NaN is black and infinity white. Raises ImageError."""
+def tone_map(linear: ArrayLike, exposure: float = 0.0, film: Film = DEFAULT_FILM) -> NDArray[np.uint8]:
+    """Linear RGB as the film maps it, times 2^exposure, as 8-bit sRGB, or with the film's gamma.
+
+    NaN is black and infinity white. Raises ImageError.
+    """
+    return np.rint(255 * _encoded(_display(linear, exposure, film), film)).astype(np.uint8)
+
+
+def _display(linear: ArrayLike, exposure: float, film: Film) -> FloatImage:
     if not isinstance(exposure, int | float) or not abs(exposure) <= MAX_EXPOSURE:
         raise ImageError(f"exposure must be from {-MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}, not {exposure}")
-    with np.errstate(over="ignore"):
-        scaled = np.asarray(linear, np.float32) * np.float32(2.0**exposure)
-    return np.rint(255 * encode_srgb(np.where(np.isnan(scaled), 0, scaled))).astype(np.uint8)
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = film.tone_map(np.asarray(linear, np.float32)) * np.float32(2.0**exposure)
+    return np.where(np.isnan(scaled), 0, scaled)
+
+
+def _encoded(linear: FloatImage, film: Film) -> FloatImage:
+    if film.gamma == -1:
+        return encode_srgb(linear)
+    return np.clip(linear, 0, 1) ** np.float32(1 / film.gamma)
+
+
+def _low_range(
+    path: Path, linear: FloatImage, exposure: float, channels: Mapping[str, FloatImage], film: Film
+) -> NDArray[np.uint8]:
+    """The 8-bit picture in the film's pixel format, as far as the file can hold it; alpha stays linear."""
+    names = film.names if path.suffix.lower() == ".png" else tuple(name for name in film.names if name != "A")
+    kept = "".join(names).replace("XYZ", "RGB")
+    pixel_format = next(name for name, letters in PIXEL_FORMATS.items() if letters == kept)
+    pixels = film.develop(_display(linear, exposure, film), channels, pixel_format)
+    colours = len(names) - ("A" in names)
+    pixels = np.concatenate(
+        [_encoded(pixels[..., :colours], film), np.clip(pixels[..., colours:], 0, 1)], axis=2
+    )
+    return np.rint(255 * pixels).astype(np.uint8)
 
 
 def read(path: str | os.PathLike[str]) -> FloatImage:
     """Reads a picture as linear RGB, float32 of shape (height, width, 3).
 
-    Files of integers (PNG, JPEG) are taken as sRGB; grey becomes three equal channels and alpha is dropped.
-    Raises ImageError.
+    Files of integers (PNG, JPEG) are taken as sRGB; grey becomes three equal channels, XYZ becomes RGB, alpha
+    and other channels are dropped. Raises ImageError.
     """
     path = Path(path)
     if not path.is_file():
         raise ImageError(f"{path}: {'not a file' if path.exists() else 'no such file'}")
     config = oiio.ImageSpec()
     config.attribute("pnm:pfmflip", 0)
+    config.attribute("oiio:UnassociatedAlpha", 1)  # nothing is multiplied by alpha
     source = oiio.ImageInput.open(str(path), config)
     if source is None:
         raise ImageError(f"{path}: cannot be read as a picture: {_first_line(oiio.geterror())}")
     spec = source.spec()
-    pixels = source.read_image("float")
+    whole = str(spec.format) == "uint"  # EXR files of whole numbers, which mean themselves
+    pixels = source.read_image("uint" if whole else "float")
     problem = source.geterror()
     source.close()
     if pixels is None or problem:
         raise ImageError(f"{path}: cannot be read: {_first_line(problem)}")
     if path.suffix.lower() == ".pfm":
         pixels = pixels[::-1]
-    rgb = _rgb(pixels, spec.channelnames)
-    return np.ascontiguousarray(rgb if str(spec.format) in ("half", "float", "double") else decode_srgb(rgb))
+    rgb = _rgb(pixels.astype(np.float32, copy=False), spec.channelnames)
+    linear = whole or str(spec.format) in ("half", "float", "double")
+    return np.ascontiguousarray(rgb if linear else decode_srgb(rgb))
 
 
 def _rgb(pixels: FloatImage, names: tuple[str, ...]) -> FloatImage:
     if {"R", "G", "B"} <= set(names):
         return pixels[..., [names.index(channel) for channel in "RGB"]]
+    if {"X", "Y", "Z"} <= set(names):
+        return pixels[..., [names.index(channel) for channel in "XYZ"]] @ np.linalg.inv(RGB_TO_XYZ).T
+    if "Y" in names:
+        return np.repeat(pixels[..., [names.index("Y")]], 3, axis=2)
     return pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
 
 
 def check_output(path: str | os.PathLike[str]) -> None:
     """Raises ImageError when no picture can be written: unknown format, no such folder, no permission."""
     path = Path(path)
-    if path.suffix.lower() not in HIGH_RANGE + LOW_RANGE:
-        known = ", ".join(HIGH_RANGE + LOW_RANGE)
+    if path.suffix.lower() not in ENDINGS:
+        known = ", ".join(ENDINGS)
         raise ImageError(f"{path}: the format follows from the file's ending, which is one of {known}")
     check_folder(path)
 
@@ -134,31 +190,71 @@ def check_folder(path: Path) -> None:
         raise ImageError(f"{path}: the folder {folder} is not writable")
 
 
-def check_space(path: Path, width: int, height: int) -> None:
+def check_space(path: Path, width: int, height: int, channels: int = 3) -> None:
     """Raises ImageError when the disk may be too full for a picture, which compression could make smaller."""
-    channel = 1 if path.suffix.lower() in LOW_RANGE else 4  # bytes
-    needed = 3 * width * height * channel + 65536
+    ending = path.suffix.lower()
+    channel = 1 if ending in LOW_RANGE else 4  # bytes
+    needed = (channels if ending in HOLD_CHANNELS else 3) * width * height * channel + 65536
     if shutil.disk_usage(path.resolve().parent).free < needed:
         raise ImageError(f"{path}: no space left on the disk; the picture may need {needed / 2**20:.1f} MiB")
 
 
-def write(path: Path, array: ArrayLike, *, exposure: float = 0.0, half: bool = False) -> None:
+def write(
+    path: Path,
+    array: ArrayLike,
+    *,
+    exposure: float = 0.0,
+    half: bool = False,
+    channels: Mapping[str, FloatImage] = NO_CHANNELS,
+    film: Film = DEFAULT_FILM,
+) -> None:
     """Writes linear RGB of shape (height, width, 3) in the format of the file's ending.
 
-    EXR (32-bit, or 16-bit with `half`), HDR and PFM hold the values themselves; PNG and JPEG hold 8-bit sRGB
-    of the values times 2^exposure. The file appears complete or not at all. Raises ImageError; what the
-    format cannot hold is clamped, with an ImageWarning.
+    EXR, HDR and PFM hold the values themselves, EXR in the film's numbers, or 16-bit ones with `half`. PNG
+    and JPEG hold them as the film maps them to 8 bits, times 2^exposure. NPY and M files are matrices for
+    NumPy, Matlab and Mathematica. EXR and NPY hold the `channels` too, behind the film's own. The file
+    appears complete or not at all. Raises ImageError; what the format cannot hold is clamped, with an
+    ImageWarning.
     """
     check_output(path)
     linear = np.asarray(array, np.float32)
     ending = path.suffix.lower()
     if ending in LOW_RANGE:
-        write_encoded(path, tone_map(linear, exposure))
-    elif half and ending == ".exr":
-        write_encoded(path, _clamped(path, linear, -MAX_HALF, MAX_HALF), pixel_type="half")
+        write_encoded(path, _low_range(path, linear, exposure, channels, film))
+    elif ending == ".hdr":
+        write_encoded(path, _clamped(path, linear, 0.0, MAX_RGBE), pixel_type="float")
+    elif ending == ".pfm":
+        grey = film.develop(linear, channels) if film.names == ("Y",) else linear
+        write_encoded(path, grey, pixel_type="float")
+    elif ending == ".exr":
+        _write_exr(path, linear, half, channels, film)
     else:
-        linear = _clamped(path, linear, 0.0, MAX_RGBE) if ending == ".hdr" else linear
-        write_encoded(path, linear, pixel_type="float")
+        _write_matrix(path, linear, channels, film)
+
+
+def _write_exr(
+    path: Path, linear: FloatImage, half: bool, channels: Mapping[str, FloatImage], film: Film
+) -> None:
+    others = {name: values for name, values in channels.items() if name != "A"}
+    pixels = np.dstack([film.develop(linear, channels), *others.values()])
+    pixel_type = "half" if half else COMPONENT_FORMATS[film.component_format]
+    if pixel_type == "half":
+        pixels = _clamped(path, pixels, -MAX_HALF, MAX_HALF)
+    elif pixel_type == "uint":
+        pixels = np.rint(_clamped(path, np.nan_to_num(pixels), 0.0, MAX_UINT)).astype(np.uint32)
+    write_encoded(path, pixels, pixel_type=pixel_type, names=(*film.names, *others))
+
+
+def _write_matrix(path: Path, linear: FloatImage, channels: Mapping[str, FloatImage], film: Film) -> None:
+    """NumPy: (height, width), or (height, width, channels); texts hold the picture alone."""
+    pixels = film.develop(linear, channels)
+    with replacing(path) as temporary:
+        if path.suffix.lower() == ".m":
+            temporary.write_text(matrix_text(pixels, film))
+            return
+        others = [values for name, values in channels.items() if name != "A"]
+        everything = np.dstack([pixels, *others])
+        np.save(temporary, everything[..., 0] if everything.shape[2] == 1 else everything)
 
 
 def _clamped(path: Path, linear: FloatImage, low: float, high: float) -> FloatImage:
@@ -169,16 +265,22 @@ def _clamped(path: Path, linear: FloatImage, low: float, high: float) -> FloatIm
     return np.clip(linear, low, high)
 
 
-def write_encoded(path: Path, pixels: NDArray[Any], *, pixel_type: str = "uint8") -> None:
+def write_encoded(
+    path: Path, pixels: NDArray[Any], *, pixel_type: str = "uint8", names: tuple[str, ...] = ()
+) -> None:
     """Writes an array (height, width, channels) as it is, atomically. Raises ImageError."""
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, pixel_type)
+    if names:
+        spec.channelnames = names
+        spec.alpha_channel = names.index("A") if "A" in names else -1
     if path.suffix.lower() == ".pfm":
         # OpenImageIO flips this bottom-up format chunk by chunk (its issue 5471): flip it here instead.
         spec.attribute("pnm:pfmflip", 0)
         pixels = pixels[::-1]
     if pixel_type == "uint8":
         spec.attribute("oiio:ColorSpace", "sRGB")
+        spec.attribute("oiio:UnassociatedAlpha", 1)  # nothing is divided by alpha
         spec.attribute("CompressionQuality", 95)
     with replacing(path) as temporary:
         if path.suffix.lower() in JPEG:  # libjpeg ends the process when the disk is full: ask before

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lajolla import _core
+from lajolla.film import Film
 from lajolla.image import Image
 from lajolla.scene import Description, SceneWarning, describe, load_description, plugins
 
@@ -23,6 +24,7 @@ MAX_SAMPLES = 2**30  # as in the core
 MAX_SEED = 2**32 - 1
 MAX_SIZE = 65536
 MAX_INTEGER = 2**31 - 1
+DEFAULT_FILM = Film()
 MAX_THREADS = 1024  # TBB hangs far above
 
 
@@ -142,7 +144,11 @@ class Rendering:
     An exception in `run`, such as KeyboardInterrupt, leaves the finished passes: `samples` of `spp`.
     """
 
-    def __init__(self, core: _core.Scene, *, spp: int, seed: int, threads: int) -> None:
+    def __init__(
+        self, core: _core.Scene, *, spp: int, seed: int, threads: int, film: Film = DEFAULT_FILM
+    ) -> None:
+        self.film = film
+        self.channels = core.channels
         self.spp = spp
         self.seconds = 0.0
         self.threads = threads
@@ -154,7 +160,9 @@ class Rendering:
 
     def image(self) -> Image:
         """The mean of the samples of all finished passes."""
-        return Image(self.accumulator.image())
+        values = self.accumulator.image()
+        channels = {label: values[..., 3 + index] for index, label in enumerate(self.channels)}
+        return Image(values[..., :3], channels, self.film)
 
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
         """Renders what is missing; calls `observe` in this thread, about ten times a second."""
@@ -195,6 +203,7 @@ class Scene:
             self.core = _core.Scene(apply_options(description.core, options))
         except _core.DescriptionError as problem:
             raise description.refusal(problem) from None
+        self.film = description.film
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
@@ -219,7 +228,7 @@ class Scene:
         _check_range("spp", spp, 1, MAX_SAMPLES)
         _check_range("seed", seed, 0, MAX_SEED)
         _check_range("threads", threads, 1, MAX_THREADS)
-        return Rendering(self.core, spp=spp, seed=seed, threads=threads)
+        return Rendering(self.core, spp=spp, seed=seed, threads=threads, film=self.film)
 
     def render(
         self,

@@ -16,6 +16,8 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
+from lajolla.film import Film
+
 from .assemble import assemble
 from .build import Builder, plugins_by_kind
 from .dict_reader import nodes_from_dict
@@ -45,11 +47,15 @@ NO_PARAMETERS: Mapping[str, str] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Description:
-    """A scene as `_core.Scene` takes it, what was not read as written, and where each entry comes from."""
+    """A scene as `_core.Scene` takes it, what was not read as written, and where each entry comes from.
+
+    How the picture is to be written, `film`, is no part of the scene.
+    """
 
     core: dict[str, Any]
     warnings: list[SceneWarning]
     places: Mapping[str, Location] = field(default_factory=dict)
+    film: Film = field(default_factory=Film)
 
     def refusal(self, problem: Exception) -> SceneError:
         """The error to raise when the core refuses the description: the core's message at its place.
@@ -179,4 +185,4 @@ def _core() -> ModuleType:
 def _describe(tree: Tree, builder: Builder) -> Description:
     resolve(tree)
     core = assemble(builder, tree.root)
-    return Description(core, builder.diagnostics.warnings, builder.places)
+    return Description(core, builder.diagnostics.warnings, builder.places, builder.film)

@@ -12,6 +12,7 @@ from .default_camera import default_camera
 from .errors import SceneError, did_you_mean
 from .instances import add_instance
 from .nodes import Node, Property, Rgb
+from .outputs import description_of, repeated
 from .plugins.adapters import lets_light_through
 from .schema import BLACK, Slot
 
@@ -43,6 +44,8 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     if inside:
         camera["medium"] = builder.index(inside)
     film = _only(builder, sensor, "film") or _implied(sensor, "film", "hdrfilm")
+    size = _one(builder, film)
+    rfilter = _only(builder, film, "rfilter") or _implied(film, "rfilter", _default_filter(film))
     return {
         "textures": builder.textures,
         "bsdfs": builder.bsdfs,
@@ -56,11 +59,28 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
         "groups": builder.groups,
         "instances": builder.instances,
         "sensor": camera,
-        "film": _one(builder, film),
-        "rfilter": _one(builder, _only(builder, film, "rfilter") or _implied(film, "rfilter", "gaussian")),
+        "film": size,
+        "rfilter": _one(builder, rfilter),
         "sampler": _one(builder, _only(builder, sensor, "sampler") or _implied(sensor, "sampler", "sobol")),
-        "integrator": _one(builder, _integrator(builder, scene)),
+        **_output(builder, _integrator(builder, scene)),
     }
+
+
+def _default_filter(film: Node) -> str:
+    return "box" if film.plugin.lower() == "mfilm" else "gaussian"
+
+
+def _output(builder: Builder, integrator: Node) -> dict[str, Any]:
+    """What is rendered: the picture's integrator, and channels beside it."""
+    builder.places["integrator"] = integrator.location
+    description = description_of(builder.picture(integrator), alpha=builder.film.has_alpha)
+    for index, _ in enumerate(description.get("other_integrators", ())):
+        builder.places[f"other_integrators[{index}]"] = integrator.location
+    labels = [channel["label"] for channel in description.get("channels", ())]
+    twice = repeated([*(name for name in builder.film.names if name != "A"), *labels])
+    if twice is not None:
+        raise SceneError(f'there are two channels "{twice}"', integrator.location)
+    return description
 
 
 def _only(builder: Builder, parent: Node, kind: str) -> Node | None:

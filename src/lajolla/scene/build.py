@@ -8,11 +8,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeGuard
 
+from lajolla.film import Film
+
 from .convert import convert
 from .errors import Diagnostics, Location, SceneError, did_you_mean
 from .files import MissingFile, find_file
 from .nodes import Node, Property
+from .outputs import Picture
 from .plugins import READER_PLUGINS
+from .plugins.films import Layer
 from .schema import (
     BLACK,
     CHILDREN,
@@ -77,6 +81,8 @@ class Builder:
     media: list[dict[str, Any]] = field(default_factory=list)
     groups: list[dict[str, Any]] = field(default_factory=list)
     instances: list[dict[str, Any]] = field(default_factory=list)
+    film: Film = field(default_factory=Film)  # how the picture is written
+    layers: list[Layer] = field(default_factory=list)  # what the film says of integrators in `multichannel`
     built: dict[Node, Any] = field(default_factory=dict)  # textures and bsdfs are shared
     indices: dict[str, int] = field(default_factory=dict)  # of bsdfs and adapters by what they are
     slots: dict[Slot, int] = field(default_factory=dict)
@@ -172,6 +178,11 @@ class Builder:
         what = f'property "{prop.name}"' if prop.name else str(prop.value)
         hint = did_you_mean(prop.name, fields) if prop.name else ""
         self.diagnostics.unknown(f"{node} has no use for the {what}{hint}", prop.name_location)
+
+    def picture(self, node: Node) -> Picture:
+        """What an integrator shows."""
+        result = self.construct(node)
+        return result if isinstance(result, Picture) else Picture(result)
 
     # Shared objects
 

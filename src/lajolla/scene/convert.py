@@ -25,6 +25,9 @@ INDEX_FIELDS = ("int_ior", "ext_ior", "ext_eta")  # these take the name of a mat
 
 # Choices of other versions that another choice stands for, and whether the picture differs.
 SAME_CHOICE = {
+    ("field", "distance"): ("depth", False),
+    ("file_format", "exr"): ("openexr", False),
+    ("file_format", "jpg"): ("jpeg", False),
     ("distribution", "phong"): ("beckmann", True),
     ("distribution", "as"): ("beckmann", True),
 }

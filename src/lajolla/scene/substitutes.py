@@ -24,12 +24,10 @@ SUBSTITUTES = {
         "roughdielectricggx": "roughdielectric",
     },
     "integrator": {
-        "moment": NESTED,
-        "aov": NESTED,
         "adaptive": NESTED,
         "irrcache": NESTED,
-        "multichannel": NESTED,
     },
+    "film": {"specfilm": "hdrfilm"},
     "sampler": {"independent": "independent"},
     "phase": {"kkay": "isotropic", "microflake": "isotropic", "mixturephase": NESTED},
     "volume": {"volcache": NESTED, "grid": "gridvolume", "const": "constvolume"},

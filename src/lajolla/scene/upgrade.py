@@ -27,6 +27,8 @@ OLD_PROPERTIES = {
     ("sensor", "focus_depth"): "focus_distance",
     ("film", "crop_x"): "crop_offset_x",
     ("film", "crop_y"): "crop_offset_y",
+    ("film", "high_quality_edges"): "sample_border",
+    ("integrator", "luminaire_samples"): "emitter_samples",
 }
 # Second names that Mitsuba 0.6 has for a property; the first counts where both are given.
 SYNONYMS = {
@@ -104,3 +106,8 @@ def _write_defaults(node: Node) -> None:
             node.set_default("albedo", 0.2)
     elif node.kind == "texture" and node.plugin == "bitmap":
         node.set_default("filter_type", "ewa")
+    elif node.kind == "integrator" and node.plugin == "field":
+        node.set_default("first_shape", 0)
+        for prop in node.properties:
+            if prop.name == "field" and isinstance(prop.value, str):
+                prop.value = snake_case(prop.value)

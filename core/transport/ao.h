@@ -1,0 +1,45 @@
+#pragma once
+// Ambient occlusion: how much of a uniform sky a point could see if only nearby surfaces stood in the way.
+
+#include "base/sampler.h"
+#include "base/warp.h"
+#include "scene/scene.h"
+
+namespace lajolla {
+
+struct AmbientOcclusion {
+    static constexpr const char *name = "ao";
+    static constexpr const char *doc =
+        "Ambient occlusion: white where nothing is near in front of a surface; materials do not matter.";
+    int shading_samples = 1;
+    float ray_length = -1;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("shading_samples", &AmbientOcclusion::shading_samples, "rays per camera ray")
+                .range(1, 65536),
+            field("ray_length", &AmbientOcclusion::ray_length,
+                  "what is farther away occludes nothing; negative: half the radius of the scene")
+                .range(-1)
+                .unit("m"));
+    }
+
+    // The mean visibility under the cosine-weighted density of directions around the shading normal.
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                      const CameraRay &camera) const {
+        const auto found = tracer.closest(camera.ray);
+        if (!found) return Spectrum(1);
+        const Hit hit = scene.hit(camera.ray, *found, camera.cone);
+        const Frame frame = frame_around(hit.shading_normal);
+        const float reach = ray_length < 0 ? scene.bounding_sphere().radius / 2 : ray_length;
+        int visible = 0;
+        for (int i = 1; i <= shading_samples; ++i) {
+            const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(i));
+            const Vec3f direction = frame.to_world(sample_cosine_hemisphere(u.bsdf_uv));
+            if (!tracer.occluded({leave(hit, direction), direction, 0, reach})) ++visible;
+        }
+        return Spectrum(static_cast<float>(visible) / static_cast<float>(shading_samples));
+    }
+};
+
+} // namespace lajolla

@@ -1,0 +1,138 @@
+#pragma once
+// Light that was scattered at most once, with any number of samples of lights and of the BSDF per camera ray.
+
+#include <stdexcept>
+
+#include "transport/path.h"
+
+namespace lajolla {
+
+struct Direct {
+    static constexpr const char *name = "direct";
+    static constexpr const char *doc =
+        "Light that was scattered at most once; several samples per camera ray, if wanted.";
+    int emitter_samples = 1, bsdf_samples = 1;
+    bool hide_emitters = false;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("emitter_samples", &Direct::emitter_samples, "samples of lights per camera ray; 0 for none")
+                .range(0, 65536),
+            field("bsdf_samples", &Direct::bsdf_samples, "samples of the BSDF per camera ray; 0 for none")
+                .range(0, 65536),
+            field("hide_emitters", &Direct::hide_emitters, "the camera looks through lights"));
+    }
+
+    void build() const {
+        if (emitter_samples + bsdf_samples == 0)
+            throw std::invalid_argument("emitter_samples and bsdf_samples are both 0");
+    }
+
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                      const CameraRay &camera) const;
+
+private:
+    // The power heuristic for several samples of each strategy (Veach 1997, section 9.2.2): what one of
+    // `count` samples counts, shared between all of them.
+    static float share(int count, float pdf, int other_count, float other_pdf) {
+        const float n = static_cast<float>(count);
+        return power_heuristic(n * pdf, static_cast<float>(other_count) * other_pdf) / n;
+    }
+
+    Spectrum sample_light(const Scene &scene, Tracer &tracer, const Hit &hit, const Surface &surface,
+                          const BounceSample &u) const;
+    Spectrum sample_bsdf(const Scene &scene, Tracer &tracer, const Hit &hit, const Surface &surface,
+                         const BounceSample &u) const;
+};
+
+namespace detail {
+
+// A ray's way to the first surface that does not let it pass, and the light met until then.
+struct Sight {
+    std::optional<Hit> hit;
+    Spectrum light{0};
+    float u; // what is left of the random number that decided about passing
+};
+
+// Light counts weight(fraction, pdf()) times: `fraction` is the chance of coming that far through what lets
+// rays pass, `pdf` the density of sampling the light from `origin`.
+template <class Weight>
+Sight look(const Scene &scene, Tracer &tracer, const Vec3f &origin, Ray ray, RayCone cone, float flight,
+           bool hide_emitters, Weight &&weight) {
+    Sight sight{std::nullopt, Spectrum(0), flight};
+    float fraction = 1;
+    for (int passages = 0; passages <= max_passages; ++passages) {
+        const auto found = tracer.closest(ray);
+        if (!found) {
+            if (!hide_emitters)
+                sight.light += scene.lights().environment(ray.direction) * weight(fraction, [&] {
+                                   return scene.lights().pdf_environment(ray.direction);
+                               });
+            break;
+        }
+        const Hit hit = scene.hit(ray, *found, cone);
+        const bool hidden = hide_emitters && hit.emitter >= 0;
+        if (hit.emitter >= 0 && !hidden)
+            sight.light += scene.lights().emitted(hit, -ray.direction) * weight(fraction, [&] {
+                               return scene.lights().pdf_hit(origin, hit, ray.direction);
+                           });
+        const float passage = hidden ? 1 : scene.has_passages() ? scene.passage(hit) : 0;
+        if (!passes(passage, sight.u)) {
+            sight.hit = hit;
+            break;
+        }
+        fraction *= passage;
+        ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
+        cone = hit.footprint;
+    }
+    return sight;
+}
+
+} // namespace detail
+
+inline Spectrum Direct::sample_light(const Scene &scene, Tracer &tracer, const Hit &hit,
+                                     const Surface &surface, const BounceSample &u) const {
+    const DirectSample light = scene.lights().sample_direct(hit.position, u.light, u.light_uv);
+    if (light.pdf == 0) return Spectrum(0);
+    const SurfaceVertex vertex{hit, surface};
+    const BsdfEval bsdf = vertex.eval(light.wi);
+    if (is_black(bsdf.f_cos)) return Spectrum(0);
+    const auto arrived = arrival(scene, tracer, vertex, light, Vacuum());
+    if (!arrived) return Spectrum(0);
+    const float bsdf_pdf = light.delta ? 0 : bsdf.pdf * arrived->fraction;
+    const float weight = share(emitter_samples, light.pdf, bsdf_samples, bsdf_pdf);
+    return bsdf.f_cos * light.radiance * (arrived->fraction * weight / (light.pdf * sqr(bsdf.eta)));
+}
+
+inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hit &hit,
+                                    const Surface &surface, const BounceSample &u) const {
+    const auto scattered = sample(surface, u.lobe, u.bsdf_uv);
+    if (!scattered) return Spectrum(0);
+    const bool alone = surface.sharp || scattered->is_delta(); // light sampling cannot find this direction
+    const Vec3f direction = scattered->wi;
+    const auto weight = [&](float fraction, auto &&light_pdf) {
+        return share(bsdf_samples, scattered->pdf * fraction, emitter_samples, alone ? 0 : light_pdf());
+    };
+    const Ray ray{leave(hit, direction), direction, 0, infinity};
+    const auto sight = detail::look(scene, tracer, hit.position, ray, hit.footprint, u.flight, false, weight);
+    return scattered->weight * sight.light / sqr(scattered->eta);
+}
+
+inline Spectrum Direct::radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                                 const CameraRay &camera) const {
+    const auto sight = detail::look(scene, tracer, camera.ray.origin, camera.ray, camera.cone, camera.flight,
+                                    hide_emitters, [](float, auto &&) { return 1.0f; });
+    if (!sight.hit) return sight.light;
+    const Surface surface = scene.surface(*sight.hit, -camera.ray.direction, sight.u);
+    if (surface.black) return sight.light;
+    const bool sampled = !surface.sharp && !scene.lights().empty();
+    Spectrum radiance = sight.light;
+    for (int i = 1; i <= std::max(emitter_samples, bsdf_samples); ++i) {
+        const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(i));
+        if (sampled && i <= emitter_samples) radiance += sample_light(scene, tracer, *sight.hit, surface, u);
+        if (i <= bsdf_samples) radiance += sample_bsdf(scene, tracer, *sight.hit, surface, u);
+    }
+    return radiance;
+}
+
+} // namespace lajolla

@@ -1,0 +1,111 @@
+#pragma once
+// What is known of the first surface along a camera ray: for inspecting scenes, for denoisers, for teaching.
+
+#include <array>
+
+#include "base/sampler.h"
+#include "scene/scene.h"
+
+namespace lajolla {
+
+// The first twelve are the variables of Mitsuba 3's `aov` integrator, in its order.
+enum class Quantity {
+    albedo,
+    depth,
+    position,
+    uv,
+    geo_normal,
+    sh_normal,
+    dp_du,
+    dp_dv,
+    duv_dx,
+    duv_dy,
+    prim_index,
+    shape_index,
+    rel_position,
+    mean_curvature,
+    ray_cone,
+    mip_level
+};
+constexpr auto choices(Quantity) {
+    return std::array{"albedo",       "depth",          "position", "uv",       "geo_normal", "sh_normal",
+                      "dp_du",        "dp_dv",          "duv_dx",   "duv_dy",   "prim_index", "shape_index",
+                      "rel_position", "mean_curvature", "ray_cone", "mip_level"};
+}
+
+struct FirstHit {
+    static constexpr const char *name = "field";
+    static constexpr const char *doc = "One property of the first surface that a camera ray meets.";
+    Quantity quantity = Quantity::depth;
+    Spectrum undefined{0};
+    int first_shape = 1;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("field", &FirstHit::quantity,
+                  "ray_cone is the radius and the spread of the pixel's beam, duv_dx what a pixel's step to "
+                  "the right changes"),
+            field("undefined", &FirstHit::undefined, "the value where no surface is"),
+            field("first_shape", &FirstHit::first_shape, "from which shape_index counts").range(0));
+    }
+
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &, const CameraRay &camera) const {
+        const auto found = tracer.closest(camera.ray);
+        return found ? value(scene, camera, scene.hit(camera.ray, *found, camera.cone)) : undefined;
+    }
+
+private:
+    Spectrum value(const Scene &scene, const CameraRay &camera, const Hit &hit) const;
+};
+
+namespace detail {
+
+// How u and v change from a hit to where another ray meets its tangent plane: the least-squares solution of
+// du dp_du + dv dp_dv = difference of the points. Nothing where the surface has no parametrisation.
+inline Vec2f uv_difference(const Hit &hit, const Ray &other) {
+    const float t = dot(hit.normal, hit.position - other.origin) / dot(hit.normal, other.direction);
+    const Vec3f difference = other.origin + other.direction * t - hit.position;
+    const float uu = length_squared(hit.dp_du), uv = dot(hit.dp_du, hit.dp_dv),
+                vv = length_squared(hit.dp_dv);
+    const float along_u = dot(hit.dp_du, difference), along_v = dot(hit.dp_dv, difference);
+    const float scale = 1 / (uu * vv - uv * uv);
+    const Vec2f result{(vv * along_u - uv * along_v) * scale, (uu * along_v - uv * along_u) * scale};
+    return std::isfinite(result.x) && std::isfinite(result.y) ? result : Vec2f{0, 0};
+}
+
+} // namespace detail
+
+inline Spectrum FirstHit::value(const Scene &scene, const CameraRay &camera, const Hit &hit) const {
+    const auto pair = [](Vec2f v) { return Spectrum(v.x, v.y, 0); };
+    const auto difference = [&](Vec2f step) {
+        const Film &film = scene.film();
+        const Vec2f neighbour{camera.film.x + step.x / static_cast<float>(film.width),
+                              camera.film.y + step.y / static_cast<float>(film.height)};
+        return pair(detail::uv_difference(hit, scene.camera_ray(neighbour, camera.lens).ray));
+    };
+    switch (quantity) {
+    case Quantity::albedo: return scene.albedo(hit, -camera.ray.direction, camera.flight);
+    case Quantity::depth: return Spectrum(hit.distance);
+    case Quantity::position: return Spectrum(hit.position);
+    case Quantity::uv: return pair(hit.uv);
+    case Quantity::geo_normal: return Spectrum(hit.normal);
+    case Quantity::sh_normal: return Spectrum(scene.mapped_normal(hit, -camera.ray.direction, camera.flight));
+    case Quantity::dp_du: return Spectrum(hit.dp_du);
+    case Quantity::dp_dv: return Spectrum(hit.dp_dv);
+    case Quantity::duv_dx: return difference({1, 0});
+    case Quantity::duv_dy: return difference({0, 1});
+    case Quantity::prim_index: return Spectrum(static_cast<float>(hit.primitive));
+    case Quantity::shape_index:
+        return Spectrum(static_cast<float>(hit.shape) + static_cast<float>(first_shape));
+    case Quantity::rel_position: return Spectrum(scene.camera_space(hit.position));
+    case Quantity::mean_curvature: return Spectrum(hit.mean_curvature);
+    case Quantity::ray_cone: return {hit.footprint.radius, hit.footprint.spread, 0};
+    case Quantity::mip_level: {
+        const Bitmap *bitmap = scene.first_bitmap(hit);
+        return Spectrum(bitmap ? bitmap->level(hit.uv_footprint()) : 0);
+    }
+    }
+    return undefined;
+}
+
+} // namespace lajolla
