@@ -233,7 +233,8 @@ def test_nanovdb_density_colour_and_fire(tmp_path: Path) -> None:
         'type="heterogeneous">'
         + GRID.format("sigma_t", "grids.nvdb", "")
         + GRID.format("albedo", "grids.nvdb", grid_name.format("color"))
-        + '<volume name="emission" type="blackbody"><string name="filename" value="grids.nvdb"/></volume>'
+        + '<volume name="emission" type="blackbodyvolume">'
+        + '<string name="filename" value="grids.nvdb"/></volume>'
     )
     entry, description = medium(tmp_path, body)
     density, colour, fire = (

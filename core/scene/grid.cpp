@@ -34,8 +34,14 @@ struct Span {
 };
 
 Span span_at(float position, std::uint32_t size, std::size_t stride, WrapMode mode) {
+    const auto n = static_cast<std::int32_t>(size);
+    if (position >= 0 && position < static_cast<float>(n - 1)) { // almost always
+        const auto i = static_cast<std::uint32_t>(position);
+        const std::size_t low = i * stride;
+        return {low, low + stride, position - static_cast<float>(i)};
+    }
     const float x = bounded(position), floor = std::floor(x);
-    const auto i = static_cast<std::int32_t>(floor), n = static_cast<std::int32_t>(size);
+    const auto i = static_cast<std::int32_t>(floor);
     return {static_cast<std::size_t>(wrapped(i, n, mode)) * stride,
             static_cast<std::size_t>(wrapped(i + 1, n, mode)) * stride, x - floor};
 }

@@ -46,9 +46,10 @@ template <class F>
 bool MajorantGrid::traverse(const Ray &ray, F &&f) const {
     if (everywhere_) return !(ray.near < ray.far) || f(ray.near, ray.far, bounds_[0]);
     const Vec3f origin = world_to_cells_.point(ray.origin), direction = world_to_cells_.vector(ray.direction);
+    const Vec3f inverse = Vec3f(1) / direction; // not used where that is infinite
     float t = ray.near, far = ray.far;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-        const float a = -origin[axis] / direction[axis], b = (extent_[axis] - origin[axis]) / direction[axis];
+        const float a = -origin[axis] * inverse[axis], b = (extent_[axis] - origin[axis]) * inverse[axis];
         if (direction[axis] != 0) t = std::max(t, std::min(a, b)), far = std::min(far, std::max(a, b));
         else if (origin[axis] < 0 || origin[axis] > extent_[axis]) return true;
     }
@@ -64,7 +65,7 @@ bool MajorantGrid::traverse(const Ray &ray, F &&f) const {
         for (std::size_t axis = 0; axis < 3; ++axis) {
             if (direction[axis] == 0) continue;
             const float wall = static_cast<float>(cell[axis] + (direction[axis] > 0 ? 1 : 0));
-            const float at = (wall - origin[axis]) / direction[axis];
+            const float at = (wall - origin[axis]) * inverse[axis];
             if (at < next) next = at, crossed = axis;
         }
         if (next > t) { // rounding may put a crossing before the last one

@@ -61,8 +61,7 @@ struct Heterogeneous {
     }
 
     Coefficients coefficients(const auto &read) const {
-        if (!read.contains(sigma_t)) return {};
-        const Spectrum extinction = max(read(sigma_t) * scale, Spectrum(0));
+        const Spectrum extinction = max(read.inside(sigma_t) * scale, Spectrum(0));
         const Spectrum scattering = extinction * min(max(read(albedo), Spectrum(0)), Spectrum(1));
         const Spectrum absorption = extinction - scattering;
         return {absorption, scattering, absorption * max(read(emission), Spectrum(0))};

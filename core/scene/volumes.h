@@ -38,21 +38,19 @@ struct GridVolume {
 
     void build();
 
-    Vec3f to_local(Vec3f p) const { return world_to_cube_.point(p); }
     const Transform &world_to_cube() const { return world_to_cube_; }
-    bool contains(Vec3f p) const {
-        const Vec3f q = to_local(p);
-        return q.x >= 0 && q.x <= 1 && q.y >= 0 && q.y <= 1 && q.z >= 0 && q.z <= 1;
-    }
     // How many intervals between samples, or voxels, there are along the cube.
     Vec3f intervals() const;
 
+    // At points in world space.
     Spectrum evaluate(Vec3f p) const;
+    Spectrum evaluate_inside(Vec3f p) const; // zero outside of the cube
     float evaluate_mean(Vec3f p) const;
     SymmetricMatrix evaluate_matrix(Vec3f p) const;
 
 private:
-    void look_up(Vec3f p, std::span<float> result) const;
+    Spectrum at(Vec3f q) const; // in the cube's coordinates
+    void look_up(Vec3f q, std::span<float> result) const;
 
     Transform world_to_cube_;
 };
@@ -78,10 +76,10 @@ public:
         if (volume.is_constant()) return volume.constant;
         return match(at(volume.id), [&](const auto &model) { return model.evaluate_matrix(position_); });
     }
-    // Constants are everywhere.
-    bool contains(const Volume<Spectrum> &volume) const {
-        return volume.is_constant() ||
-               match(at(volume.id), [&](const auto &model) { return model.contains(position_); });
+    // Zero outside of what the volume fills; constants are everywhere.
+    Spectrum inside(const Volume<Spectrum> &volume) const {
+        if (volume.is_constant()) return volume.constant;
+        return match(at(volume.id), [&](const auto &model) { return model.evaluate_inside(position_); });
     }
 
 private:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from .nodes import Node, Property, Rgb, Value
-from .voxels import read_voxels, vol_bytes
+from .volume_files import read_voxels
+from .voxels import vol_bytes
 
 if TYPE_CHECKING:
     from .mitsuba3 import Translator

@@ -100,26 +100,3 @@ def checked_shape(
     if size[0] * size[1] * size[2] * channels > most:
         raise VoxelError(f"{size[2]} x {size[1]} x {size[0]} voxels are too many")
     return (*size, channels)
-
-
-def read_voxels(path: Path, grid_name: str) -> Voxels:
-    """Reads a volume by the ending of its name.
-
-    Args:
-        path: a .vol, .nvdb or .vdb file.
-        grid_name: which of the grids of a .nvdb or .vdb file.
-
-    Raises:
-        VoxelError: the file cannot be read as that.
-    """
-    from .openvdb import read_nvdb, read_vdb
-
-    ending = path.suffix.lower()
-    try:
-        if ending == ".nvdb":
-            return read_nvdb(path, grid_name)
-        if ending == ".vdb":
-            return read_vdb(path, grid_name)
-        return read_vol(path)
-    except (OSError, MemoryError, struct.error, OverflowError) as problem:
-        raise VoxelError(str(problem) or "it does not fit into memory") from None

@@ -11,7 +11,8 @@ from ..errors import Location, SceneError
 from ..nodes import Array, Blackbody, Node
 from ..schema import Content, Field, Plugin
 from ..spectra import blackbody
-from ..voxels import VoxelError, Voxels, box_transform, read_voxels
+from ..volume_files import read_voxels
+from ..voxels import VoxelError, Voxels, box_transform
 
 if TYPE_CHECKING:
     from ..build import Builder
@@ -35,7 +36,7 @@ def _blackbody_volume(builder: Builder, node: Node, values: dict[str, Any]) -> d
     values.setdefault("grid_name", "temperature")
     voxels, location = _load(builder, node, values)
     kelvin = factor * _finite(builder, voxels.values, location).astype(np.float32)[..., :1] + offset
-    top = float(kelvin.max())
+    top = max(float(kelvin.max()), 1.0)
     if top > MAX_KELVIN:
         raise SceneError(f"a temperature of {top:.4g} K is too high", location)
     colours = np.stack([blackbody(Blackbody(max(t, 1.0), scale)) for t in np.linspace(0, top, STEPS)])
@@ -124,7 +125,7 @@ PLUGINS = (
     Plugin("volume", "gridvolume", "", FILE, _grid_volume, model="gridvolume", hidden=("grid",)),
     Plugin(
         "volume",
-        "blackbody",
+        "blackbodyvolume",
         "A grid of temperatures, as the radiance of black bodies.",
         (*FILE, *TEMPERATURE),
         _blackbody_volume,
