@@ -51,7 +51,7 @@ struct Principled {
     bool transmissive() const { return spec_trans != Texture<float>(0); }
     void build() { eta = disney::checked_index(eta, transmissive()); }
 
-    Lobe prepare(const auto &read) const {
+    [[gnu::noinline]] Lobe prepare(const auto &read) const {
         const auto share = [&](const Texture<float> &texture) { return disney::fraction(read(texture)); };
         const Spectrum base = disney::colour(read(base_color));
         const float m = share(metallic), t = share(spec_trans), tint = share(spec_tint);

@@ -8,6 +8,8 @@
 //   clearcoat(cos_o, cos_i)        value over reflectance, density and masking of the coat, with its cosine
 //   tinted_reflection              whether a dielectric's reflection takes the base colour, where light is
 //                                  inside, too
+//
+// Its functions are large and stay out of the dispatch that all lobes share.
 
 #include "base/warp.h"
 #include "scatter/disney.h"
@@ -34,11 +36,11 @@ struct PrincipledLobe {
         return diffuse > 0 || sheen.white > 0 || sheen.hue > 0 ? 1 : glossy_roughness();
     }
 
-    BsdfEval eval(const Vec3f &wo, const Vec3f &wi) const {
+    [[gnu::noinline]] BsdfEval eval(const Vec3f &wo, const Vec3f &wi) const {
         return wo.z > 0 ? eval_above(wo, wi, true, choice(wo.z))
                         : eval_above(mirror(wo), mirror(wi), false, {0, 0, 1});
     }
-    std::optional<BsdfSample> sample(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
+    [[gnu::noinline]] std::optional<BsdfSample> sample(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
         if (wo.z > 0) return sample_above(wo, u_lobe, u, true, choice(wo.z));
         auto s = sample_above(mirror(wo), u_lobe, u, false, {0, 0, 1});
         if (s) s->wi = mirror(s->wi);

@@ -53,10 +53,11 @@ struct PrincipledThin {
         }
 
         // Both sides are alike.
-        BsdfEval eval(const Vec3f &wo, const Vec3f &wi) const {
+        [[gnu::noinline]] BsdfEval eval(const Vec3f &wo, const Vec3f &wi) const {
             return wo.z > 0 ? eval_above(wo, wi, choice(wo.z)) : eval_above(-wo, -wi, choice(-wo.z));
         }
-        std::optional<BsdfSample> sample(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
+        [[gnu::noinline]] std::optional<BsdfSample> sample(const Vec3f &wo, float u_lobe,
+                                                           const Vec2f &u) const {
             if (wo.z > 0) return sample_above(wo, u_lobe, u);
             auto s = sample_above(-wo, u_lobe, u);
             if (s) s->wi = -s->wi;
@@ -149,7 +150,7 @@ struct PrincipledThin {
         }
     };
 
-    Lobe prepare(const auto &read) const {
+    [[gnu::noinline]] Lobe prepare(const auto &read) const {
         const auto share = [&](const Texture<float> &texture) { return disney::fraction(read(texture)); };
         const Spectrum base = disney::colour(read(base_color));
         const float rough = share(roughness), stretch = share(anisotropic), tint = share(spec_tint);
