@@ -14,6 +14,7 @@
 #include "scatter/disneyglass.h"
 #include "scatter/disneymetal.h"
 #include "scatter/disneysheen.h"
+#include "scatter/hair.h"
 #include "scatter/null.h"
 #include "scatter/phong.h"
 #include "scatter/plastic.h"
@@ -31,7 +32,7 @@ namespace lajolla {
 using Bsdf = std::variant<Diffuse, Dielectric, ThinDielectric, RoughDielectric, Conductor, RoughConductor,
                           Plastic, RoughPlastic, Principled, PrincipledThin, DisneyBsdf, DisneyDiffuse,
                           DisneyMetal, DisneyGlass, DisneyClearcoat, DisneySheen, RoughDiffuse,
-                          DiffuseTransmitter, Phong, Ward, Null>;
+                          DiffuseTransmitter, Phong, Ward, Hair, Null>;
 
 namespace detail {
 // The variant of the lobes, each of them once: models may share one.
@@ -90,7 +91,7 @@ inline bool is_isotropic(const Bsdf &bsdf) {
     return match(bsdf, [](const auto &model) {
         if constexpr (requires { model.alpha_u; }) return model.alpha_u == model.alpha_v;
         else if constexpr (requires { model.anisotropic; }) return model.anisotropic == Texture<float>(0);
-        else return true;
+        else return !requires { model.uses_tangent; };
     });
 }
 // Whether light passes through: some models say so of their kind, others of their parameters.

@@ -18,7 +18,6 @@ SUBSTITUTES = {
         "roughcoating": NESTED,
         "hk": "diffuse",
         "irawan": "diffuse",
-        "hair": "diffuse",
         "measured": "diffuse",
         "roughconductorggx": "roughconductor",
         "roughdielectricggx": "roughdielectric",

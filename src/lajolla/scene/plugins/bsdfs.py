@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from ..conductors import CONDUCTORS
@@ -37,6 +38,29 @@ def _rough_dielectric(builder: Builder, node: Node, values: dict[str, Any]) -> d
 def _ward(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     _roughness(builder, node, values)
     return {"type": "ward", **values}
+
+
+def _hair(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    pigments = {name: values.pop(name) for name in ("eumelanin", "pheomelanin") if name in values}
+    color = values.pop("color", None)
+    if bool(pigments) + (color is not None) + ("sigma_a" in values) > 1:
+        raise SceneError(f'{node} takes one of "sigma_a", "color" and pigments', node.location)
+    if "sigma_a" not in values:
+        values.pop("scale", None)  # it is a factor of that only
+    if color is not None:
+        values["sigma_a"] = absorption_of_hair(color, values.get("azimuthal_roughness", 0.3))
+    elif pigments:
+        dark, red = pigments.get("eumelanin", 1.3), pigments.get("pheomelanin", 0.2)
+        # d'Eon et al. 2011, "An Energy-Conserving Hair Reflectance Model", table 1; per radius
+        values["sigma_a"] = (0.419 * dark + 0.187 * red, 0.697 * dark + 0.4 * red, 1.37 * dark + 1.05 * red)
+    return {"type": "hair", **values}
+
+
+def absorption_of_hair(color: tuple[float, ...], roughness: float) -> tuple[float, ...]:
+    """The absorption that gives much hair together its colour (Chiang et al. 2016, section 4.2)."""
+    fit = (5.969, -0.215, 2.532, -10.73, 5.574, 0.245)
+    divisor = sum(c * roughness**i for i, c in enumerate(fit))
+    return tuple((math.log(max(c, 1e-3)) / divisor) ** 2 for c in color)
 
 
 def _rough_diffuse(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
@@ -91,6 +115,13 @@ ALPHA = (
     Field("alpha", "texture_float", "alpha_u and alpha_v at once", 0.1, 0.0),
     Field("roughness", "texture_float", "square root of alpha, as lajolla writes it", None, 0.0),
 )
+PIGMENTS = (
+    Field("eumelanin", "float", "concentration of the pigment of dark hair", 1.3, 0.0),
+    Field("pheomelanin", "float", "concentration of the pigment of red hair", 0.2, 0.0),
+    Field(
+        "color", "spectrum", "colour of much hair together, instead of pigments or sigma_a", None, 0.0, 1.0
+    ),
+)
 FAST = Field("use_fast_approx", "boolean", 'the variant "fast", as Mitsuba 0.6 asks for it', False)
 
 PLUGINS = (
@@ -106,5 +137,6 @@ PLUGINS = (
     Plugin("bsdf", "roughdielectric", "", ALPHA, _rough_dielectric, model="roughdielectric"),
     Plugin("bsdf", "roughplastic", "", (ALPHA[1],), _rough_plastic, model="roughplastic"),
     Plugin("bsdf", "ward", "", ALPHA, _ward, model="ward"),
+    Plugin("bsdf", "hair", "", PIGMENTS, _hair, model="hair"),
     Plugin("bsdf", "roughdiffuse", "", (FAST,), _rough_diffuse, model="roughdiffuse"),
 )
