@@ -12,7 +12,8 @@ from statistics_tools import generator
 
 import lajolla
 from lajolla import _core
-from lajolla.scene import SceneError
+from lajolla.scene import SceneError, describe
+from lajolla.scene.default_camera import default_camera
 
 EVEN = translation(3, -2, 1) @ rotation((1, 2, 3), 40) @ scaling(2.5)
 MIRRORED = translation(3, -2, 1) @ rotation((1, 2, 3), 40) @ scaling(-0.5, 0.5, 0.5)
@@ -268,3 +269,57 @@ def test_instances_render_as_the_shapes_themselves(tmp_path: Path) -> None:
         path.write_text(f'<scene version="3.0.0">{body}</scene>')
         images.append(np.asarray(lajolla.load(path).render(spp=64, seed=1).array, float))
     assert np.abs(images[0] - images[1]).mean() < 0.005 * images[1].mean()
+
+
+def test_instances_in_dicts() -> None:
+    group = {"type": "shapegroup", "first": {"type": "sphere"}, "second": {"type": "cube"}}
+    scene = describe(
+        {
+            "type": "scene",
+            "integrator": {"type": "path"},
+            "sensor": {"type": "perspective"},
+            "light": {"type": "constant"},
+            "group": group,
+            "copy": {
+                "type": "instance",
+                "shapegroup": {"type": "ref", "id": "group"},
+                "to_world": translation(0, 3, 0),
+            },
+        }
+    )
+    assert not scene.warnings
+    assert len(scene.core["shapes"]) == 2 and scene.core["instances"][0]["to_world"][1, 3] == 3
+    _core.Scene(scene.core)
+
+
+def test_the_camera_of_old_files_sees_instances() -> None:
+    groups, moved = [{"shapes": [0]}], {"group": 0, "to_world": translation(10, 0, 0)}
+    camera = default_camera([{"type": "sphere"}], groups, [moved])
+    assert camera["to_world"][0, 3] == pytest.approx(10)
+    assert "to_world" not in default_camera([{"type": "sphere"}], groups, [])
+
+
+def test_a_group_without_shapes_is_harmless() -> None:
+    scene = _core.Scene({"groups": [{"shapes": []}], "instances": [{"group": 0}]})
+    origins, directions = rays_at(EVEN, 10, "nothing")
+    assert not _core.hit_many(scene, origins, directions)["valid"].any()
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e-11, 1e-6, 1e6, 1e11, 1e30])
+@pytest.mark.parametrize("name", SHAPES)
+def test_extreme_placements_do_no_harm(name: str, scale: float) -> None:
+    for shift in (0, 1e10, 1e30):
+        description = {
+            "shapes": [SHAPES[name]],
+            "groups": [{"shapes": [0]}],
+            "instances": [{"group": 0, "to_world": translation(shift, 0, 0) @ scaling(scale)}],
+        }
+        try:
+            scene = _core.Scene(description)
+        except _core.DescriptionError as problem:
+            assert "too large or too small" in str(problem) or "singular" in str(problem)
+            continue
+        rng = generator("extreme", name, scale)
+        origins = (rng.normal(size=(100, 3)) * 10 ** rng.uniform(-5, 18, (100, 1))).astype(np.float32)
+        _core.hit_many(scene, origins, rng.normal(size=(100, 3)).astype(np.float32))
+        _core.hit_many(scene, origins, -origins / np.linalg.norm(origins, axis=1, keepdims=True))

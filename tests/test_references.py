@@ -34,7 +34,6 @@ NEEDS = {
     "test_homo_area_light_volpath": "volpath, homogeneous",
     "test_homo_dielectric_envmap_volpath": "volpath, homogeneous",
     "test_homo_emitter_inside_medium_volpath": "volpath, homogeneous",
-    "test_various_shapes_path": "sdfgrid",
 }
 
 

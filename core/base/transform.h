@@ -55,6 +55,12 @@ inline std::optional<Transform> inverse(const Transform &t) {
     return result;
 }
 
+// The largest coordinate that is added up where a transform meets a point: rounding errors are in its ulps.
+inline float largest_term(const Transform &t, Vec3f p) {
+    return max_component(abs(t.axis(0)) * std::abs(p.x) + abs(t.axis(1)) * std::abs(p.y) +
+                         abs(t.axis(2)) * std::abs(p.z) + abs(t.origin()));
+}
+
 // The factor by which a similarity (rotation, mirror, translation, even scaling) scales lengths; nothing for
 // others.
 inline std::optional<float> uniform_scale(const Transform &t) {

@@ -33,6 +33,7 @@ struct MeshData {
     std::vector<Group> groups;                   // contiguous, in the order of the triangles; OBJ only
     std::vector<std::string> material_libraries; // `mtllib` names; OBJ only
     std::string name;                            // serialized version 4 only
+    bool face_normals = false;                   // the file asks for flat faces; serialized only
 };
 
 /// What is wrong with a mesh file, and where: a line number for text, a byte offset for binary data.

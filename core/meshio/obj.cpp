@@ -67,6 +67,8 @@ struct ObjState {
     std::unordered_map<std::string, uint32_t> material_numbers{{"", 0}};
     uint32_t material = 0;
     std::vector<std::string> libraries;
+    int part = 0, wanted_part = -1; // -1: all
+    bool part_has_faces = false;
 };
 
 /// Moves to the next argument of the statement, over continuation lines. False where the statement ends.
@@ -167,6 +169,8 @@ Corner read_corner(TextCursor &text, const ObjState &obj) {
 
 /// Faces with fewer than three corners have no area and are skipped.
 void read_face(TextCursor &text, ObjState &obj) {
+    obj.part_has_faces = true;
+    if (obj.wanted_part >= 0 && obj.part != obj.wanted_part) return;
     uint32_t first = 0, previous = 0;
     for (size_t count = 0; next_argument(text); ++count) {
         uint32_t corner = obj.table.number_of(read_corner(text, obj));
@@ -181,7 +185,13 @@ void read_face(TextCursor &text, ObjState &obj) {
         fail(text, "the mesh has more than 2^32 vertices or triangles");
 }
 
+void end_part(ObjState &obj) {
+    obj.part += obj.part_has_faces;
+    obj.part_has_faces = false;
+}
+
 void read_material(TextCursor &text, ObjState &obj) {
+    end_part(obj);
     std::string name = to_utf8(read_rest_of_line(text));
     auto [entry, is_new] = obj.material_numbers.try_emplace(name, obj.materials.size());
     if (is_new) obj.materials.push_back(name);
@@ -209,6 +219,7 @@ void read_statement(TextCursor &text, ObjState &obj) {
     else if (keyword == "f") read_face(text, obj);
     else if (keyword == "usemtl") read_material(text, obj);
     else if (keyword == "mtllib") read_libraries(text, obj);
+    else if (keyword == "g") end_part(obj);
 }
 
 /// The values that `numbers` picks from `values`; zero where absent. Empty if all are absent.
@@ -244,10 +255,15 @@ void group_triangles(const ObjState &obj, MeshData &mesh) {
 
 } // namespace
 
-MeshData read_obj(std::span<const std::byte> file) {
+MeshData read_obj(std::span<const std::byte> file, int shape_index) {
     ObjState obj;
+    obj.wanted_part = shape_index;
     for (TextCursor text = text_cursor(file); text.at != text.end; skip_line(text)) read_statement(text, obj);
     if (obj.positions.empty()) throw MeshError("this is no OBJ file: it has no vertices");
+    end_part(obj);
+    if (shape_index >= obj.part)
+        throw MeshError("there is no shape " + std::to_string(shape_index) + "; the file has " +
+                        std::to_string(obj.part));
 
     MeshData mesh;
     const std::vector<Corner> &corners = obj.table.corners;

@@ -10,7 +10,8 @@ namespace lajolla {
 /// Reads a Wavefront OBJ file: `v` (with `x y z r g b` colours, which become "vertex_color"), `vt`, `vn`,
 /// `f`, `usemtl`, `mtllib`; everything else is skipped. Every distinct (v, vt, vn) corner becomes one vertex;
 /// corners without vt, in a file that has some, get (0, 0), those without vn a normal made from the faces.
+/// @param shape_index which of the runs of faces between `g` and `usemtl` lines to keep; -1 for all.
 /// @throws MeshError
-MeshData read_obj(std::span<const std::byte> file);
+MeshData read_obj(std::span<const std::byte> file, int shape_index = -1);
 
 } // namespace lajolla

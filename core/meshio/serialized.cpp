@@ -182,6 +182,7 @@ MeshData read_mesh(Inflater &data, uint16_t version) {
     mesh.positions = read_floats(3);
     if (flags & has_normals) mesh.normals = read_floats(3);
     if (flags & face_normals) mesh.normals.clear();
+    mesh.face_normals = (flags & face_normals) != 0;
     if (flags & has_texcoords) mesh.uvs = read_floats(2);
     if (flags & has_colors) mesh.attributes.push_back({"vertex_color", 3, false, read_floats(3)});
     mesh.indices = data.read_array<uint32_t, uint32_t>(3 * triangle_count);

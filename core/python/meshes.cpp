@@ -27,6 +27,7 @@ using Table = nb::ndarray<const T, nb::shape<-1, static_cast<Py_ssize_t>(N)>, nb
 struct LoadedMesh : Mesh {
     std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t>> groups;
     std::vector<std::string> material_libraries;
+    bool face_normals = false;
 };
 
 template <class Element, std::size_t N, class T>
@@ -75,6 +76,7 @@ std::shared_ptr<LoadedMesh> from_file(MeshData data) {
     for (const auto &group : data.groups)
         mesh->groups.emplace_back(group.material, group.first_triangle, group.triangle_count);
     mesh->material_libraries = std::move(data.material_libraries);
+    mesh->face_normals = data.face_normals;
     return mesh;
 }
 
@@ -97,11 +99,31 @@ nb::dict attributes(nb::handle self) {
     return result;
 }
 
-std::shared_ptr<LoadedMesh> smoothed(const LoadedMesh &mesh, float max_angle_degrees) {
+// The same file's mesh with other vertices; its triangles keep their order.
+std::shared_ptr<LoadedMesh> changed(const LoadedMesh &mesh, Mesh arrays) {
     auto result = std::make_shared<LoadedMesh>();
-    static_cast<Mesh &>(*result) = with_smooth_normals(mesh, max_angle_degrees * pi / 180);
+    static_cast<Mesh &>(*result) = std::move(arrays);
     result->groups = mesh.groups;
     result->material_libraries = mesh.material_libraries;
+    result->face_normals = mesh.face_normals;
+    return result;
+}
+
+std::shared_ptr<LoadedMesh> smoothed(const LoadedMesh &mesh, float max_angle_degrees) {
+    return changed(mesh, with_smooth_normals(mesh, max_angle_degrees * pi / 180));
+}
+
+std::shared_ptr<LoadedMesh> with_normals(const LoadedMesh &mesh, nb::handle to_world) {
+    Transform matrix;
+    read_value(to_world, matrix, "to_world");
+    return changed(mesh, with_vertex_normals(mesh, matrix));
+}
+
+std::shared_ptr<LoadedMesh> part(const LoadedMesh &mesh, std::size_t first, std::size_t count) {
+    if (first > mesh.triangles.size() || count > mesh.triangles.size() - first)
+        throw nb::index_error("there are not that many faces");
+    auto result = std::make_shared<LoadedMesh>();
+    static_cast<Mesh &>(*result) = part_of(mesh, first, count);
     return result;
 }
 
@@ -191,6 +213,10 @@ void bind_meshes(nb::module_ &m) {
         .def_ro("material_libraries", &LoadedMesh::material_libraries, "File names of an OBJ file's mtllib.")
         .def("with_smooth_normals", &smoothed, "max_angle_degrees"_a,
              "A mesh with angle-weighted vertex normals; edges sharper than the angle stay sharp.")
+        .def("with_vertex_normals", &with_normals, "to_world"_a,
+             "A mesh with angle-weighted normals at its vertices, as they are in the world.")
+        .def("part", &part, "first_face"_a, "count"_a, "A mesh of consecutive faces.")
+        .def_ro("face_normals", &LoadedMesh::face_normals, "Whether the file asks for flat faces.")
         .def("flip_uvs", &with_flipped_uvs, "A mesh whose v runs the other way.");
 
     nb::class_<CurveSet>(m, "Curves", "Control points of curves.")
@@ -212,8 +238,13 @@ void bind_meshes(nb::module_ &m) {
         .def_ro("channels", &Image::channels);
 
     m.def(
-        "load_obj", [](const std::filesystem::path &path) { return from_file(read_obj(read_file(path))); },
-        "path"_a, "Reads a Wavefront OBJ file. Raises MeshError.");
+        "load_obj",
+        [](const std::filesystem::path &path, int index) {
+            return from_file(read_obj(read_file(path), index));
+        },
+        "path"_a, "shape_index"_a = -1,
+        "Reads a Wavefront OBJ file, or one of the parts between its \"g\" and \"usemtl\" lines. Raises "
+        "MeshError.");
     m.def(
         "load_ply", [](const std::filesystem::path &path) { return from_file(read_ply(read_file(path))); },
         "path"_a, "Reads a PLY file, text or binary. Raises MeshError.");

@@ -32,9 +32,11 @@ void occluded1(RTCScene scene, RTCRay &query) {
 #endif
 }
 
-// Embree asserts that rays are finite and below about 2e18.
-bool valid(const Ray &ray) {
-    return dot(abs(ray.origin), Vec3f(1)) < 1e18f && dot(abs(ray.direction), Vec3f(1)) < 1e18f;
+// Embree asserts that rays are finite and below about 2e18, in groups too.
+constexpr float largest_coordinate = 1e18f;
+
+bool valid(const Ray &ray, float limit) {
+    return dot(abs(ray.origin), Vec3f(1)) < limit && dot(abs(ray.direction), Vec3f(1)) < limit;
 }
 
 RTCRay to_embree(const Ray &ray) {
@@ -52,10 +54,23 @@ Ray from_embree(const RTCRay &r) {
     return {{r.org_x, r.org_y, r.org_z}, {r.dir_x, r.dir_y, r.dir_z}, r.tnear, r.tfar};
 }
 
-// Shapes without triangles are Embree "user geometry": callbacks that ask the shape itself.
+// Shapes without triangles are Embree "user geometry": callbacks that ask the shape itself, or one of its
+// parts.
+template <class T>
+concept HasParts = requires(const T &shape) { shape.primitive_count(); };
+
+template <class T>
+std::optional<float> intersect_part(const void *shape, const RTCRay &ray, std::uint32_t primitive) {
+    if constexpr (HasParts<T>) return static_cast<const T *>(shape)->intersect(from_embree(ray), primitive);
+    else return static_cast<const T *>(shape)->intersect(from_embree(ray));
+}
+
 template <class T>
 void set_bounds(const RTCBoundsFunctionArguments *args) {
-    const Bounds box = static_cast<const T *>(args->geometryUserPtr)->bounds();
+    const auto &shape = *static_cast<const T *>(args->geometryUserPtr);
+    Bounds box;
+    if constexpr (HasParts<T>) box = shape.bounds(args->primID);
+    else box = shape.bounds();
     *args->bounds_o = {box.low.x, box.low.y, box.low.z, 0, box.high.x, box.high.y, box.high.z, 0};
 }
 
@@ -63,7 +78,7 @@ template <class T>
 void intersect_user(const RTCIntersectFunctionNArguments *args) {
     if (!args->valid[0]) return;
     auto &query = *reinterpret_cast<RTCRayHit *>(args->rayhit);
-    const auto t = static_cast<const T *>(args->geometryUserPtr)->intersect(from_embree(query.ray));
+    const auto t = intersect_part<T>(args->geometryUserPtr, query.ray, args->primID);
     if (!t) return;
     query.ray.tfar = *t;
     query.hit.geomID = args->geomID;
@@ -76,13 +91,14 @@ template <class T>
 void occluded_user(const RTCOccludedFunctionNArguments *args) {
     if (!args->valid[0]) return;
     auto &ray = *reinterpret_cast<RTCRay *>(args->ray);
-    if (static_cast<const T *>(args->geometryUserPtr)->intersect(from_embree(ray))) ray.tfar = -infinity;
+    if (intersect_part<T>(args->geometryUserPtr, ray, args->primID)) ray.tfar = -infinity;
 }
 
 template <class T>
 RTCGeometry make_geometry(RTCDevice device, const T &shape) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
-    rtcSetGeometryUserPrimitiveCount(geometry, 1);
+    if constexpr (HasParts<T>) rtcSetGeometryUserPrimitiveCount(geometry, shape.primitive_count());
+    else rtcSetGeometryUserPrimitiveCount(geometry, 1);
     rtcSetGeometryUserData(geometry, const_cast<T *>(&shape)); // only ever read
     rtcSetGeometryBoundsFunction(geometry, set_bounds<T>, nullptr);
     rtcSetGeometryIntersectFunction(geometry, intersect_user<T>);
@@ -189,7 +205,11 @@ Accel::Accel(std::span<const Shape> shapes, std::span<const Group> groups,
     rtcSetSceneBuildQuality(embree->scene, RTC_BUILD_QUALITY_HIGH);
     for (std::uint32_t id = 0; id < shape_count_; ++id)
         if (!is_member[id]) embree->attach(embree->scene, shapes[id], id);
+    limit_ = largest_coordinate;
     for (const Instance &instance : instances) {
+        for (std::size_t axis = 0; axis < 3; ++axis) // an instance's translation is small beside the limit
+            limit_ = std::min(limit_,
+                              0.5f * largest_coordinate / max_component(abs(instance.to_group.axis(axis))));
         embree->attach(embree->scene, instance,
                        shape_count_ + static_cast<std::uint32_t>(group_of_instance_.size()));
         group_of_instance_.push_back(static_cast<std::uint32_t>(instance.group));
@@ -202,7 +222,7 @@ Accel::Accel(std::span<const Shape> shapes, std::span<const Group> groups,
 }
 
 std::optional<RayHit> Accel::closest(const Ray &ray) const {
-    if (!valid(ray)) [[unlikely]]
+    if (!valid(ray, limit_)) [[unlikely]]
         return std::nullopt;
     RTCRayHit query;
     query.ray = to_embree(ray);
@@ -223,7 +243,7 @@ RayHit Accel::in_instance(RayHit found, std::uint32_t geometry) const {
 }
 
 bool Accel::occluded(const Ray &ray) const {
-    if (!valid(ray)) [[unlikely]]
+    if (!valid(ray, limit_)) [[unlikely]]
         return true;
     RTCRay query = to_embree(ray);
     occluded1(static_cast<RTCScene>(scene_), query);

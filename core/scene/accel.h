@@ -29,6 +29,7 @@ private:
 
     struct Embree;
     std::shared_ptr<const Embree> embree_;
+    float limit_ = 0;               // of rays' coordinates
     std::uint32_t shape_count_ = 0; // instances are the geometries from here on
     std::vector<Group> groups_;
     std::vector<std::uint32_t> group_of_instance_;

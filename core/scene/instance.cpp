@@ -4,21 +4,14 @@
 
 namespace lajolla {
 
-namespace {
-
-// The largest coordinate that is added up where a transform meets a point.
-float largest_term(const Transform &t, Vec3f p) {
-    const Vec3f sum =
-        abs(t.axis(0)) * std::abs(p.x) + abs(t.axis(1)) * std::abs(p.y) + abs(t.axis(2)) * std::abs(p.z);
-    return max_component(sum + abs(t.origin()));
-}
-
-} // namespace
-
 void Instance::build() {
     const auto inverted = inverse(to_world);
     if (!inverted) throw std::invalid_argument("to_world is singular: it flattens the group");
     to_group = *inverted;
+    for (const Transform &t : {to_world, to_group})
+        for (std::size_t axis = 0; axis < 4; ++axis)
+            if (!(max_component(abs(t.axis(axis))) < largest_entry))
+                throw std::invalid_argument("to_world is too large or too small for a group");
 }
 
 Bounds Instance::placed(const Bounds &group_bounds) const {

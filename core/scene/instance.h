@@ -26,6 +26,7 @@ struct Instance {
         return std::tuple(field("group", &Instance::group, "index of the group").range(0),
                           field("to_world", &Instance::to_world, "placement of the group in the scene"));
     }
+    static constexpr float largest_entry = 1e12f; // of the transforms: rays in groups must stay finite
     void build();
     // The same points at the same distances: the direction is not of unit length.
     Ray in_group(const Ray &ray) const {

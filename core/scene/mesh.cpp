@@ -36,6 +36,23 @@ Vec3f unit_or_zero(Vec3f v) {
 
 float angle_between(Vec3f a, Vec3f b) { return std::atan2(length(cross(a, b)), dot(a, b)); }
 
+// The attributes of the vertices, and of the faces, that became those of `target`; no faces: all stayed.
+void copy_attributes(const Mesh &mesh, const std::vector<std::uint32_t> &vertices,
+                     const std::vector<std::uint32_t> &faces, Mesh &target) {
+    for (const auto &[name, attribute] : mesh.attributes) {
+        const auto &chosen = attribute.per_face ? faces : vertices;
+        Mesh::Attribute copy{attribute.channels, attribute.per_face, {}};
+        if (attribute.per_face && faces.empty()) copy.values = attribute.values;
+        else
+            for (const std::uint32_t old : chosen) {
+                const auto first =
+                    attribute.values.begin() + static_cast<std::ptrdiff_t>(old * attribute.channels);
+                copy.values.insert(copy.values.end(), first, first + attribute.channels);
+            }
+        target.attributes.emplace(name, std::move(copy));
+    }
+}
+
 } // namespace
 
 std::size_t Mesh::bytes() const {
@@ -73,6 +90,46 @@ Mesh transformed(const Mesh &mesh, const Transform &to_world) {
     for (Vec3f &p : result.positions) p = to_world.point(p);
     for (Vec3f &n : result.normals) n = unit_or_zero(to_object->transposed_vector(n));
     return result;
+}
+
+Mesh with_vertex_normals(const Mesh &mesh, const Transform &to_world) {
+    Mesh result = mesh;
+    result.normals.assign(mesh.positions.size(), Vec3f(0));
+    for (const Triangle &triangle : mesh.triangles) {
+        const auto corner = [&](std::size_t k) { return to_world.point(mesh.positions[triangle[k % 3]]); };
+        const Vec3f normal = unit_or_zero(cross(corner(1) - corner(0), corner(2) - corner(0)));
+        for (std::size_t k = 0; k < 3; ++k)
+            result.normals[triangle[k]] +=
+                normal * angle_between(corner(k + 1) - corner(k), corner(k + 2) - corner(k));
+    }
+    for (Vec3f &n : result.normals) n = unit_or_zero(to_world.transposed_vector(unit_or_zero(n)));
+    return result;
+}
+
+Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count) {
+    constexpr std::uint32_t unused = ~0u;
+    Mesh part;
+    std::vector<std::uint32_t> source, target(mesh.positions.size(), unused), faces(count);
+    for (std::size_t f = 0; f < count; ++f) {
+        faces[f] = static_cast<std::uint32_t>(first_triangle + f);
+        Triangle triangle = mesh.triangles[faces[f]];
+        for (std::uint32_t &index : triangle) {
+            if (target[index] == unused) {
+                target[index] = static_cast<std::uint32_t>(source.size());
+                source.push_back(index);
+            }
+            index = target[index];
+        }
+        part.triangles.push_back(triangle);
+    }
+    part.positions.reserve(source.size() + 2); // room for the ray tracer, see accel.cpp
+    for (const std::uint32_t old : source) {
+        part.positions.push_back(mesh.positions[old]);
+        if (!mesh.normals.empty()) part.normals.push_back(mesh.normals[old]);
+        if (!mesh.uvs.empty()) part.uvs.push_back(mesh.uvs[old]);
+    }
+    copy_attributes(mesh, source, faces, part);
+    return part;
 }
 
 Mesh with_smooth_normals(const Mesh &mesh, float max_angle) {
@@ -116,18 +173,7 @@ Mesh with_smooth_normals(const Mesh &mesh, float max_angle) {
             if (!mesh.uvs.empty()) result.uvs.push_back(mesh.uvs[old]);
         }
 
-    for (const auto &[name, attribute] : mesh.attributes) {
-        Mesh::Attribute copy{attribute.channels, attribute.per_face, attribute.values};
-        if (!attribute.per_face) {
-            copy.values.clear();
-            for (const std::uint32_t old : source) {
-                const auto first =
-                    attribute.values.begin() + static_cast<std::ptrdiff_t>(old * attribute.channels);
-                copy.values.insert(copy.values.end(), first, first + attribute.channels);
-            }
-        }
-        result.attributes.emplace(name, std::move(copy));
-    }
+    copy_attributes(mesh, source, {}, result);
     return result;
 }
 

@@ -34,6 +34,13 @@ void validate(const Mesh &mesh);
 
 Mesh transformed(const Mesh &mesh, const Transform &to_world);
 
+// Normals for the vertices of a mesh that has none: those of the faces around, weighted by the angle at the
+// corner, as they are after `to_world`; a later `transformed` with it gives them back.
+Mesh with_vertex_normals(const Mesh &mesh, const Transform &to_world);
+
+// A mesh of some consecutive triangles and the vertices that these use.
+Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count);
+
 // Vertex normals weighted by the angle at each corner (Thürmer and Wüthrich 1998; compared with others in Max
 // 1999, "Weights for Computing Vertex Normals from Facet Normals"). Faces that meet at a position at more
 // than `max_angle` (radians) keep a sharp edge: their vertices are split.

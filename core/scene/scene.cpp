@@ -175,6 +175,7 @@ std::size_t Scene::bytes() const {
     for (const Shape &shape : parts_.shapes)
         if (const auto *mesh = std::get_if<TriangleMesh>(&shape)) sum += mesh->mesh->bytes();
         else if (const auto *curves = std::get_if<Curves>(&shape)) sum += curves->curves->bytes();
+        else if (const auto *sdf = std::get_if<SdfGrid>(&shape)) sum += sdf->bytes();
     for (const TextureModel &texture : parts_.textures)
         if (const auto *bitmap = std::get_if<Bitmap>(&texture)) sum += bitmap->pixels.bytes();
     for (const Light &light : parts_.lights)

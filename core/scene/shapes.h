@@ -15,6 +15,7 @@
 #include "scene/curves.h"
 #include "scene/hit.h"
 #include "scene/mesh.h"
+#include "scene/sdfgrid.h"
 #include "scene/surface.h"
 
 namespace lajolla {
@@ -160,6 +161,6 @@ private:
     SurfaceSample at(Vec2f around, float z) const; // a unit vector across the axis, z in [0, height]
 };
 
-using Shape = std::variant<TriangleMesh, Sphere, Rectangle, Disk, Cylinder, Curves>;
+using Shape = std::variant<TriangleMesh, Sphere, Rectangle, Disk, Cylinder, Curves, SdfGrid>;
 
 } // namespace lajolla

@@ -17,6 +17,7 @@ from .plugins.adapters import lets_light_through
 from .schema import BLACK, Slot
 
 ENVIRONMENTS = ("envmap", "constant", "sky", "sunsky")
+NEVER_LIGHTS = ("sdfgrid",)
 
 
 def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
@@ -196,15 +197,28 @@ def _add_missing_light(builder: Builder, scene: Node) -> None:
 def _add_shape(builder: Builder, node: Node) -> list[int]:
     """Adds what a shape is to the scene; the indices of shapes, none for what is no shape itself."""
     entry = builder.construct(node)
-    if entry is None or entry["type"] == "shapegroup":
+    if entry is None:
+        return []
+    if isinstance(entry, list):
+        return [_add_part(builder, node, part.entry, part.bsdf) for part in entry]
+    if entry["type"] == "shapegroup":
         return []
     if entry["type"] == "instance":
         add_instance(builder, node, _add_shape)
         return []
-    emitter = _area_light(builder, node)
-    material = builder.add_material(_material(builder, node, emits=emitter >= 0), node)
+    if entry["type"] == "merge":
+        return [index for _, child in node.children("shape") for index in _add_shape(builder, child)]
+    return [_add_part(builder, node, entry, _only(builder, node, "bsdf"))]
+
+
+def _add_part(builder: Builder, node: Node, entry: dict[str, Any], bsdf: Node | None) -> int:
+    """Adds one shape of the description, with its light, its media and its material."""
+    emitter = -1 if entry["type"] in NEVER_LIGHTS else _area_light(builder, node)
+    if entry["type"] in NEVER_LIGHTS and any(True for _ in node.children("emitter")):
+        builder.diagnostics.warn(f"{node} cannot be a light; it does not shine", node.location)
+    material = builder.add_material(_material(builder, node, bsdf, emits=emitter >= 0), node)
     entry |= {"material": material, "emitter": emitter, **_media(builder, node)}
-    return [builder.add("shapes", entry, node)]
+    return builder.add("shapes", entry, node)
 
 
 def _area_light(builder: Builder, shape: Node) -> int:
@@ -218,9 +232,8 @@ def _area_light(builder: Builder, shape: Node) -> int:
     return builder.add("emitters", builder.construct(node), node)
 
 
-def _material(builder: Builder, shape: Node, *, emits: bool) -> Slot:
-    node = _only(builder, shape, "bsdf")
-    slot = builder.slot(node) if node else None
+def _material(builder: Builder, shape: Node, bsdf: Node | None, *, emits: bool) -> Slot:
+    slot = builder.slot(bsdf) if bsdf else None
     if slot is None:
         slot = builder.slot(_default_bsdf(shape, emits=emits))
     assert slot is not None

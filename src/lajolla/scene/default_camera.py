@@ -72,6 +72,8 @@ def _points(shape: dict[str, Any]) -> tuple[Array, float]:
     if shape["type"] == "curves":
         points = np.asarray(shape["curves"].points, float)
         return points[:, :3], float(points[:, 3].max(initial=0))
+    if shape["type"] == "sdfgrid":
+        return np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)]), 0.0
     if shape["type"] == "sphere":
         return np.array([shape.get("center", (0, 0, 0))], float), radius
     if shape["type"] == "cylinder":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -63,7 +63,7 @@ def _group_of(builder: Builder, node: Node) -> Node:
 
 def _size(node: Node, known: dict[Node, int]) -> int:
     """How many shapes there are in groups in groups."""
-    if node.plugin.lower() not in ("shapegroup", "instance"):
+    if node.plugin.lower() not in ("shapegroup", "instance", "merge"):
         return 1
     if node not in known:
         known[node] = sum(_size(child, known) for _, child in node.children("shape"))
@@ -81,7 +81,7 @@ def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
 def _build(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
     contents = Contents([], [])
     members: list[int] = []
-    for _, child in group.children("shape"):
+    for child in _children(group):
         name = child.plugin.lower()
         if name == "shapegroup":
             contents.extend(np.eye(4), _contents(builder, child, add_shape))
@@ -98,6 +98,15 @@ def _build(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
     if not contents.groups and not contents.lights:
         builder.diagnostics.warn(f"{group} is empty: nothing is seen of it", group.location)
     return contents
+
+
+def _children(group: Node) -> Iterator[Node]:
+    """The shapes of a group, and those that are merged in it."""
+    for _, child in group.children("shape"):
+        if child.plugin.lower() == "merge":
+            yield from _children(child)
+        else:
+            yield child
 
 
 def _matrix(builder: Builder, node: Node) -> Array:

@@ -86,11 +86,20 @@ class Slot:
 
 
 @dataclass(frozen=True)
+class Part:
+    """One of several shapes that a shape of the file becomes, and its bsdf; None: the default one."""
+
+    entry: dict[str, Any]
+    bsdf: Node | None
+
+
+@dataclass(frozen=True)
 class Plugin:
     """A plugin of scene files.
 
     `build(builder, node, values)` gets the values of the properties that were given, converted, and returns
-    what the kind asks for: a description entry; for textures also a colour; for bsdfs also a `Slot`.
+    what the kind asks for: a description entry; for textures also a colour; for bsdfs also a `Slot`; for
+    shapes also a list of `Part`s.
     """
 
     kind: str

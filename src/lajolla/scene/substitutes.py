@@ -31,7 +31,7 @@ SUBSTITUTES = {
     "phase": {"kkay": "isotropic", "microflake": "isotropic", "mixturephase": NESTED},
     "volume": {"volcache": NESTED, "grid": "gridvolume", "const": "constvolume"},
     "sensor": {"telecentric": "orthographic", "spherical": DROPPED},
-    "shape": {"mesh": DROPPED},
+    "shape": {"mesh": DROPPED, "ellipsoids": DROPPED, "ellipsoidsmesh": DROPPED, "deformable": DROPPED},
 }
 
 # For names that are nowhere, when none that is known looks alike.

@@ -111,3 +111,5 @@ def _write_defaults(node: Node) -> None:
         for prop in node.properties:
             if prop.name == "field" and isinstance(prop.value, str):
                 prop.value = snake_case(prop.value)
+    elif node.kind == "shape" and node.plugin == "obj":
+        node.set_default("load_materials", True)

@@ -56,15 +56,35 @@ def cylinder_arrays(values: dict[str, Any]) -> MeshArrays:
     """The open tube of `radius` from `p0` to `p1` with exact normals; u is the azimuth, v runs along it."""
     p0 = np.asarray(values.get("p0", (0, 0, 0)), float)
     axis = np.asarray(values.get("p1", (0, 0, 1)), float) - p0
-    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    s = across / max(float(np.linalg.norm(across)), 1e-30)
-    t = np.cross(axis, s) / max(float(np.linalg.norm(axis)), 1e-30)
+    s, t = _frame(axis / max(float(np.linalg.norm(axis)), 1e-30))
     u, v = np.meshgrid(np.linspace(0, 1, SEGMENTS + 1), np.linspace(0, 1, 2))
     u, v = u.reshape(-1, 1), v.reshape(-1, 1)
     normals = np.cos(2 * np.pi * u) * s + np.sin(2 * np.pi * u) * t
     vertices = p0 + v * axis + values.get("radius", 1.0) * normals
     faces = _grid_faces(1, SEGMENTS)[:, ::-1]
     return _arrays(vertices, faces, normals, np.concatenate([u, v], axis=1))
+
+
+def _frame(n: Array) -> tuple[Array, Array]:
+    """Two directions across a unit vector, as the core chooses them (Duff et al. 2017)."""
+    sign = np.copysign(1.0, n[2])
+    a = -1 / (sign + n[2])
+    b = n[0] * n[1] * a
+    s = np.array([1 + sign * n[0] ** 2 * a, sign * b, -sign * n[0]])
+    return s, np.array([b, sign + n[1] ** 2 * a, -n[1]])
+
+
+def height_arrays(heights: Array) -> MeshArrays:
+    """A height at every point of a grid over [-1, 1]^2; u runs along the rows, v from row to row."""
+    rows, columns = (size - 1 for size in heights.shape)
+    v, u = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
+    slope_y, slope_x = np.gradient(heights, 2 / rows, 2 / columns)
+    normals = np.stack([-slope_x, -slope_y, np.ones_like(heights)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    vertices = np.stack([2 * u - 1, 2 * v - 1, heights], axis=-1)
+    uvs = np.stack([u, v], axis=-1)
+    faces = _grid_faces(rows, columns)[:, ::-1]
+    return _arrays(vertices.reshape(-1, 3), faces, normals.reshape(-1, 3), uvs.reshape(-1, 2))
 
 
 TUBE_SIDES = 8

@@ -25,7 +25,7 @@ def _constant(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
 
 
 def _grid_volume(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    voxels, location = _load(builder, node, values)
+    voxels, location = load_voxels(builder, node, values)
     return _entry(builder, node, values, voxels, _finite(builder, voxels.values, location))
 
 
@@ -34,7 +34,7 @@ def _blackbody_volume(builder: Builder, node: Node, values: dict[str, Any]) -> d
     scale = values.pop("scale", 1.0)
     factor, offset = values.pop("temperature_scale", 1.0), values.pop("temperature_offset", 0.0)
     values.setdefault("grid_name", "temperature")
-    voxels, location = _load(builder, node, values)
+    voxels, location = load_voxels(builder, node, values)
     kelvin = factor * _finite(builder, voxels.values, location).astype(np.float32)[..., :1] + offset
     top = max(float(kelvin.max()), 1.0)
     if top > MAX_KELVIN:
@@ -45,7 +45,7 @@ def _blackbody_volume(builder: Builder, node: Node, values: dict[str, Any]) -> d
     return _entry(builder, node, values, voxels, np.stack(emitted, axis=-1))
 
 
-def _load(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[Voxels, Location]:
+def load_voxels(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[Voxels, Location]:
     """The voxels of a file, or of an array from Python, and what to blame for them."""
     arrays = [values.pop(name) for name in ("data", "grid") if name in values]
     grid_name = values.pop("grid_name", "density")
