@@ -262,6 +262,17 @@ def test_files_that_are_written(
     assert (tmp_path / "other.pfm").exists() and not (tmp_path / "other.exr").exists()
 
 
+def test_tone_mapping_of_any_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the command line it wins over the film's."""
+    monkeypatch.chdir(write(tmp_path, "hdrfilm").parent)
+    for method in ("gamma", "reinhard"):
+        words = ["render", "room.xml", "--quiet", "--spp", "1", "-o", f"{method}.png", "--tonemap", method]
+        assert cli.main(words) == 0
+    assert (stored(tmp_path / "gamma.png")[2] == 1).all()
+    grey = stored(tmp_path / "reinhard.png")[2]
+    assert np.ptp(grey) == 0 and 0.5 < grey.max() < 1.01
+
+
 def test_files_that_cannot_hold_all_channels_are_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -83,3 +83,43 @@ def test_matrices_of_texture_space_may_be_3x3() -> None:
     ball = {"type": "sphere", "bsdf": {"type": "diffuse", "reflectance": board}}
     embedded = describe(scene_with(ball=ball)).core["textures"][0]["to_uv"]
     np.testing.assert_array_equal(embedded, [[2, 0, 0, 0.5], [0, 3, 0, 0.25], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("name", "properties"),
+    [
+        ("independent", {}),
+        ("sobol", {"scramble": 3}),
+        ("stratified", {"jitter": False, "dimension": 6}),
+        ("multijitter", {"jitter": True}),
+        ("orthogonal", {"jitter": True, "strength": 2}),
+        ("ldsampler", {"dimension": 8}),
+        ("halton", {"scramble": 0}),
+        ("hammersley", {"scramble": -1}),
+    ],
+)
+def test_samplers(name: str, properties: dict[str, Any]) -> None:
+    """All of them have a count and a seed, and parameters of their own which make no difference here."""
+    sampler = {"type": name, "sample_count": 9, "seed": 2, **properties}
+    description = describe(scene_with(sensor={"type": "perspective", "sampler": sampler}))
+    kind = "independent" if name == "independent" else "sobol"
+    assert description.core["sampler"] == {"type": kind, "sample_count": 9, "seed": 2}
+    assert not [w for w in description.warnings if "no light" not in w.message]
+
+
+@pytest.mark.parametrize(
+    "rfilter",
+    [
+        {"type": "box", "radius": 0.7},
+        {"type": "tent", "radius": 1.5},
+        {"type": "gaussian", "stddev": 0.4},
+        {"type": "mitchell", "B": 0.2, "C": 0.4},
+        {"type": "catmullrom"},
+        {"type": "lanczos", "lobes": 2},
+    ],
+)
+def test_filters(rfilter: dict[str, Any]) -> None:
+    film = {"type": "hdrfilm", "rfilter": rfilter}
+    description = describe(scene_with(sensor={"type": "perspective", "film": film}))
+    assert description.core["rfilter"] == rfilter
+    assert not [w for w in description.warnings if "no light" not in w.message]

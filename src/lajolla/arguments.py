@@ -117,11 +117,17 @@ def _add_render(parser: Parser) -> None:
         type=Path,
         action="append",
         metavar="OUT",
-        help=f"picture to write, {EXTENSIONS}; repeatable (default: the scene's name with .exr and .png)",
+        help=f"picture to write, {EXTENSIONS}; repeatable (default: the scene's name with the endings that "
+        "its film asks for, as a rule .exr and .png)",
     )
     parser.add_argument("--half", action="store_true", help="16-bit instead of 32-bit EXR")
     parser.add_argument(
         "--exposure", type=_finite, default=0.0, metavar="STOPS", help="brightens PNG and JPEG by 2^STOPS"
+    )
+    parser.add_argument(
+        "--tonemap",
+        choices=("gamma", "reinhard"),
+        help="in place of the film's: exposure alone, or all of the range (Reinhard et al. 2002)",
     )
     parser.add_argument("--threads", type=_positive, metavar="N", help="number of threads (default: all)")
     parser.add_argument("--quiet", action="store_true", help="print warnings and errors only")

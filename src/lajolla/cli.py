@@ -12,6 +12,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn, TextIO
@@ -128,6 +129,8 @@ def _run(rendering: Rendering, scene: Scene, *, quiet: bool) -> KeyboardInterrup
 def _write_outputs(outputs: Sequence[Path], picture: image.Image, arguments: argparse.Namespace) -> None:
     """Writes all that can be written, then raises the first error."""
     errors = []
+    if arguments.tonemap is not None:
+        picture.film = replace(picture.film, tonemap_method=arguments.tonemap)
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", image.ImageWarning)
         for output in outputs:

@@ -38,7 +38,7 @@ HARMLESS = {
         "diffuse_transmittance_sampling_rate",
     ),
     "sensor": ("focus_distance", "shutter_open", "shutter_close"),
-    "sampler": ("dimension", "scramble", "jitter", "wavefront_size"),
+    "sampler": ("wavefront_size",),
     "film": (
         "banner",
         "filename",
