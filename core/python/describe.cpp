@@ -146,6 +146,8 @@ std::optional<std::size_t> read_choice(nb::handle source, const char *const *nam
 
 namespace detail {
 
+namespace {
+
 std::string range_text(double minimum, double maximum) {
     const bool low = std::isfinite(minimum), high = std::isfinite(maximum);
     if (low && high) return " in [" + number_text(minimum) + ", " + number_text(maximum) + "]";
@@ -153,14 +155,68 @@ std::string range_text(double minimum, double maximum) {
     return high ? " <= " + number_text(maximum) : "";
 }
 
-std::string quoted_list(const char *const *names, std::size_t count) {
+// "a number >= 0", "one of 'mis', 'light'": what a field takes, in words.
+std::string expected_text(const BoundField &field) {
+    if (field.type->choices.empty()) return field.type->expected + range_text(field.minimum, field.maximum);
     std::string text;
-    for (std::size_t i = 0; i < count; ++i) text += (i > 0 ? ", '" : "'") + std::string(names[i]) + "'";
-    return text;
+    for (const char *name : field.type->choices)
+        text += (text.empty() ? "'" : ", '") + std::string(name) + "'";
+    return "one of " + text;
 }
 
-nb::object bound(double value) {
+nb::object bound(double value) { // None where infinite
     return std::isfinite(value) ? nb::object(nb::float_(value)) : nb::object(nb::none());
+}
+
+nb::object names_of(std::span<const char *const> choices) {
+    if (choices.empty()) return nb::none();
+    nb::list names;
+    for (const char *name : choices) names.append(name);
+    return names;
+}
+
+std::string field_names(std::span<const BoundField> fields) {
+    std::string names;
+    for (const BoundField &field : fields) names += (names.empty() ? "" : ", ") + std::string(field.name);
+    return names.empty() ? "none" : names;
+}
+
+} // namespace
+
+nb::dict describe(const char *doc, std::span<const BoundField> fields) {
+    nb::list entries;
+    for (const BoundField &field : fields) {
+        nb::dict entry;
+        entry["name"] = field.name;
+        entry["type"] = field.type->type;
+        entry["default"] = field.type->write(field.value);
+        entry["minimum"] = bound(field.minimum);
+        entry["maximum"] = bound(field.maximum);
+        entry["unit"] = field.unit;
+        entry["choices"] = names_of(field.type->choices);
+        entry["doc"] = field.doc;
+        entries.append(entry);
+    }
+    nb::dict schema;
+    schema["doc"] = doc;
+    schema["fields"] = entries;
+    return schema;
+}
+
+void read_fields(std::span<const BoundField> fields, const nb::dict &description, const std::string &where,
+                 std::initializer_list<std::string_view> extra) {
+    for (const auto &[key, given] : description) {
+        const std::string name = text_of_key(key);
+        const auto field = std::find_if(fields.begin(), fields.end(),
+                                        [&](const BoundField &candidate) { return name == candidate.name; });
+        if (field != fields.end()) {
+            if (!field->type->read(given, field->value, field->minimum, field->maximum))
+                throw_unexpected(where + "." + name, expected_text(*field), given);
+        } else if (name != "type" && std::find(extra.begin(), extra.end(), name) == extra.end()) {
+            throw DescriptionError(where + ": unknown field '" + name + "' (known: " + field_names(fields) +
+                                   ")");
+        }
+    }
 }
 
 std::string text_of_key(nb::handle key) {

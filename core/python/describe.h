@@ -14,6 +14,7 @@
 #include <initializer_list>
 #include <limits>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -166,45 +167,52 @@ constexpr bool within(const T &handle, double low, double high) {
     return !handle.is_constant() || within(handle.constant, low, high);
 }
 
-// "a number >= 0", "one of 'mis', 'light'": what a field takes, in words.
-std::string range_text(double minimum, double maximum);
-std::string quoted_list(const char *const *names, std::size_t count);
+// What a type does, so that tables of fields are data and the code is compiled once for each type, not for
+// each field of each model.
+struct FieldType {
+    const char *type, *expected;
+    std::span<const char *const> choices;
+    bool (*read)(nb::handle source, void *value, double low, double high); // false where it does not fit
+    nb::object (*write)(const void *value);
+};
 
-template <class Model, class T>
-std::string expected_text(const Field<Model, T> &field) {
-    if constexpr (Choice<T>)
-        return "one of " + quoted_list(Described<T>::names.data(), Described<T>::names.size());
-    else return Described<T>::expected + range_text(field.minimum, field.maximum);
+template <class T>
+constexpr std::span<const char *const> choices_of() {
+    if constexpr (Choice<T>) return Described<T>::names;
+    else return {};
 }
 
-nb::object bound(double value); // None where infinite
+template <class T>
+inline constexpr FieldType field_type{
+    Described<T>::type, Described<T>::expected, choices_of<T>(),
+    [](nb::handle source, void *value, double low, double high) {
+        T &typed = *static_cast<T *>(value);
+        return Described<T>::read(source, typed) && within(typed, low, high);
+    },
+    [](const void *value) -> nb::object { return Described<T>::write(*static_cast<const T *>(value)); }};
 
-template <class Model, class T>
-nb::dict schema_of_field(const Field<Model, T> &field) {
-    nb::dict entry;
-    entry["name"] = field.name;
-    entry["type"] = Described<T>::type;
-    entry["default"] = Described<T>::write(Model{}.*field.member);
-    entry["minimum"] = bound(field.minimum);
-    entry["maximum"] = bound(field.maximum);
-    entry["unit"] = field.unit_name;
-    entry["choices"] = nb::none();
-    if constexpr (Choice<T>) {
-        nb::list names;
-        for (const char *name : Described<T>::names) names.append(name);
-        entry["choices"] = names;
-    }
-    entry["doc"] = field.doc;
-    return entry;
-}
+// A field of one model in memory.
+struct BoundField {
+    const char *name, *doc, *unit;
+    double minimum, maximum;
+    void *value;
+    const FieldType *type;
+};
 
 template <class Model>
-std::string field_names() {
-    std::string names;
-    for_each_field<Model>(
-        [&](const auto &field) { names += (names.empty() ? "" : ", ") + std::string(field.name); });
-    return names.empty() ? "none" : names;
+std::vector<BoundField> bind_fields(Model &model) {
+    std::vector<BoundField> fields;
+    for_each_field<Model>([&](const auto &field) {
+        auto &value = model.*field.member;
+        fields.push_back({field.name, field.doc, field.unit_name, field.minimum, field.maximum, &value,
+                          &field_type<std::decay_t<decltype(value)>>});
+    });
+    return fields;
 }
+
+nb::dict describe(const char *doc, std::span<const BoundField> fields);
+void read_fields(std::span<const BoundField> fields, const nb::dict &description, const std::string &where,
+                 std::initializer_list<std::string_view> extra);
 
 std::string text_of_key(nb::handle key);
 std::string type_of(const nb::dict &description, const std::string &where, const std::string &known);
@@ -214,12 +222,8 @@ std::string type_of(const nb::dict &description, const std::string &where, const
 // {"doc": ..., "fields": [{"name", "type", "default", "minimum", "maximum", "unit", "choices", "doc"}, ...]}
 template <class Model>
 nb::dict schema_of() {
-    nb::list fields;
-    for_each_field<Model>([&](const auto &field) { fields.append(detail::schema_of_field(field)); });
-    nb::dict schema;
-    schema["doc"] = Model::doc;
-    schema["fields"] = fields;
-    return schema;
+    Model model;
+    return detail::describe(Model::doc, detail::bind_fields(model));
 }
 
 // {name: schema_of(model)} of every alternative.
@@ -241,21 +245,7 @@ void read_value(nb::handle source, T &value, const std::string &where) {
 template <class Model>
 void read_model(Model &model, const nb::dict &description, const std::string &where,
                 std::initializer_list<std::string_view> extra = {}) {
-    for (const auto &[key, value] : description) {
-        const std::string name = detail::text_of_key(key);
-        bool known = name == "type" || std::find(extra.begin(), extra.end(), name) != extra.end();
-        for_each_field<Model>([&, given = value](const auto &field) {
-            if (name != field.name) return;
-            known = true;
-            auto &member = model.*field.member;
-            if (!Described<std::decay_t<decltype(member)>>::read(given, member) ||
-                !detail::within(member, field.minimum, field.maximum))
-                throw_unexpected(where + "." + name, detail::expected_text(field), given);
-        });
-        if (!known)
-            throw DescriptionError(where + ": unknown field '" + name +
-                                   "' (known: " + detail::field_names<Model>() + ")");
-    }
+    detail::read_fields(detail::bind_fields(model), description, where, extra);
 }
 
 // A model read from a description and built where it has tables to compute.
