@@ -40,6 +40,8 @@ class Bsdf:
 
 def label(description: Settings) -> str:
     def text(value: object) -> str:
+        if isinstance(value, dict):
+            return label(value)
         return str(value) if isinstance(value, str | bool) else str(np.round(value, 3).tolist())
 
     settings = (f"{key}={text(value)}" for key, value in description.items() if key != "type")
@@ -124,10 +126,23 @@ def values_of(field: dict) -> list[object]:
         case "spectrum" | "texture_spectrum":
             numbers = numbers_within(field)
             return [numbers[0], numbers[-1], [numbers[0], numbers[len(numbers) // 2], numbers[-1]]]
+        case "bsdf":
+            return [dict(base) for base in BASES]
     raise NotImplementedError(f"no test values for fields of type {field['type']}")
 
 
+# What a BSDF that holds another is tested with: a smooth base, a mirror, a rough one, and one of two parts.
+BASES: tuple[Settings, ...] = (
+    {"type": "diffuse", "reflectance": 0.8},
+    {"type": "conductor"},
+    {"type": "roughconductor", "alpha_u": 0.3, "alpha_v": 0.3},
+    {"type": "plastic"},
+)
+
+
 def random_value(field: dict, rng: np.random.Generator) -> object:
+    if field["type"] == "bsdf":
+        return dict(BASES[rng.integers(len(BASES))])
     if field["type"] in ("choice", "boolean"):
         return rng.choice(values_of(field)).item()
     if field["type"].endswith("spectrum"):
@@ -152,7 +167,7 @@ def settings_of(name: str) -> list[Settings]:
     """
     fields = MODELS[name]["fields"]
     switches = [f for f in fields if f["type"] in ("choice", "boolean")]
-    colours = [f for f in fields if f["type"].endswith("spectrum")]
+    colours = [f for f in fields if f["type"].endswith("spectrum") or f["type"] == "bsdf"]
     scalars = [f for f in fields if f not in switches and f not in colours]
     combinations = [
         {"type": name} | dict(zip((f["name"] for f in switches), values, strict=True))

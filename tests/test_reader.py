@@ -218,6 +218,11 @@ BUMPED = ("bumpmap", 2.0, {"texture": 0})
          (*BUMPED, MASKED), None),
         (f'<bsdf type="bumpmap">{BUMP}<bsdf type="twosided">{RED}</bsdf></bsdf>',
          (*BUMPED, "diffuse"), ("bumpmap", -2.0, {"texture": 0}, "diffuse")),
+        (f'<bsdf type="coating"><bsdf type="blendbsdf">{WEIGHT}{RED}{GLASS}</bsdf></bsdf>',
+         ("blendbsdf", 0.25, "coating", "dielectric"), None),
+        (f'<bsdf type="roughcoating"><bsdf type="bumpmap">{BUMP}<bsdf type="twosided">{RED}</bsdf></bsdf>'
+         "</bsdf>",
+         (*BUMPED, "coating"), ("bumpmap", -2.0, {"texture": 0}, "coating")),
         (f'<bsdf type="normalmap"><rgb name="normalmap" value=".5 .5 1"/>{RED}</bsdf>',
          ("normalmap", (0.5, 0.5, 1.0), "diffuse"), None),
     ],

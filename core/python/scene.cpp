@@ -10,6 +10,7 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
+#include "python/coated.h"
 #include "python/describe.h"
 #include "python/lists.h"
 #include "python/media.h"
@@ -60,9 +61,13 @@ std::int32_t read_id(const nb::dict &entry, const char *key, std::size_t count, 
     return id;
 }
 
+template <class Variant>
+void check_textures(const Variant &variant, std::size_t count, const std::string &where);
+
 template <class T>
 void check_texture(const T &value, std::size_t count, const std::string &where) {
-    if constexpr (requires { value.id; })
+    if constexpr (std::is_same_v<T, BareBsdf>) check_textures(value, count, where);
+    else if constexpr (requires { value.id; })
         if (value.id >= static_cast<std::int64_t>(count))
             throw DescriptionError(where + ": there is no texture " + std::to_string(value.id) +
                                    " before this");

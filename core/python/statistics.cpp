@@ -12,6 +12,7 @@
 #include "base/sampler.h"
 #include "base/warp.h"
 #include "python/arrays.h"
+#include "python/coated.h"
 #include "python/describe.h"
 #include "scatter/bsdfs.h"
 

@@ -4,6 +4,7 @@
 
 #include "base/match.h"
 #include "scatter/bsdf.h"
+#include "scatter/coating.h"
 #include "scatter/conductor.h"
 #include "scatter/dielectric.h"
 #include "scatter/difftrans.h"
@@ -29,10 +30,11 @@
 
 namespace lajolla {
 
-using Bsdf = std::variant<Diffuse, Dielectric, ThinDielectric, RoughDielectric, Conductor, RoughConductor,
-                          Plastic, RoughPlastic, Principled, PrincipledThin, DisneyBsdf, DisneyDiffuse,
-                          DisneyMetal, DisneyGlass, DisneyClearcoat, DisneySheen, RoughDiffuse,
-                          DiffuseTransmitter, Phong, Ward, Hair, Null>;
+// Those that stand by themselves.
+using BareBsdf = std::variant<Diffuse, Dielectric, ThinDielectric, RoughDielectric, Conductor, RoughConductor,
+                              Plastic, RoughPlastic, Principled, PrincipledThin, DisneyBsdf, DisneyDiffuse,
+                              DisneyMetal, DisneyGlass, DisneyClearcoat, DisneySheen, RoughDiffuse,
+                              DiffuseTransmitter, Phong, Ward, Hair, Null>;
 
 namespace detail {
 // The variant of the lobes, each of them once: models may share one.
@@ -54,8 +56,21 @@ struct LobesOf<std::variant<Model...>> {
 };
 } // namespace detail
 
+namespace detail {
+template <class Variant, class Last>
+struct With;
+template <class... Models, class Last>
+struct With<std::variant<Models...>, Last> {
+    using type = std::variant<Models..., Last>;
+};
+} // namespace detail
+
+using Coating = CoatingOf<BareBsdf, detail::LobesOf<BareBsdf>::type>;
+using Bsdf = detail::With<BareBsdf, Coating>::type;
+
 // A prepared lobe of any model.
-using Lobe = detail::LobesOf<Bsdf>::type;
+using Lobe = detail::With<detail::LobesOf<BareBsdf>::type, Coating::Lobe>::type;
+static_assert(sizeof(Coating::Lobe) <= 176);
 
 // These three are flattened, and take directions by reference: passing three floats by value through a call
 // that is not inlined costs a store-forwarding stall each.
@@ -87,10 +102,12 @@ inline float roughness(const Lobe &lobe) {
     return match(lobe, [](const auto &l) { return l.roughness(); });
 }
 // Whether a BSDF does not care where the tangent points.
-inline bool is_isotropic(const Bsdf &bsdf) {
+template <class Variant>
+bool is_isotropic(const Variant &bsdf) {
     return match(bsdf, [](const auto &model) {
         if constexpr (requires { model.alpha_u; }) return model.alpha_u == model.alpha_v;
         else if constexpr (requires { model.anisotropic; }) return model.anisotropic == Texture<float>(0);
+        else if constexpr (requires { model.base; }) return is_isotropic(model.base);
         else return !requires { model.uses_tangent; };
     });
 }

@@ -58,6 +58,10 @@ inline Vec3f seen_from_above(Vec3f n, Vec3f ng, Vec3f wo) {
     return z >= lowest ? n : normalize(n + wo * (lowest - z));
 }
 
+constexpr float tangent_squared(float cosine) {
+    return std::max(1 - sqr(cosine), 0.0f) / std::max(sqr(cosine), 1e-12f);
+}
+
 // What is left of light from a direction with a tangent^2 of `light` where bumps turned the normal by an
 // angle with a tangent^2 of `bump`: Smith's shadowing of a GGX surface as rough as the bump is steep (Estevez
 // et al. 2019, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem", equations 1, 2).

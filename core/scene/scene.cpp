@@ -96,44 +96,40 @@ Scene::Choice Scene::choose(const Hit &hit, const Vec3f &wo, float u) const {
     const Material &material = materials_[hit.material];
     choice.turned = dot(hit.normal, wo) < 0 && !(material.back == MaterialId{});
     if (choice.turned) choice.normal = {-hit.shading_normal, hit.dp_du, true};
-    choice.bsdf = materials_.choose(choice.turned ? material.back : material.front, sharp_reader(hit), hit,
-                                    wo, u, choice.normal);
+    const MaterialId root = choice.turned ? material.back : material.front;
+    choice.bsdf =
+        root.adapter < 0 ? root.bsdf : materials_.choose(root, sharp_reader(hit), hit, wo, u, choice.normal);
     return choice;
 }
 
 Surface Scene::surface(const Hit &hit, const Vec3f &wo, float u) const {
-    const Surface black{true, {}, {}, {}, {}};
     const auto [id, turned, normal] = choose(hit, wo, u);
     const bool behind = dot(hit.normal, wo) < 0;
-    if (id < 0) return black;
+    if (id < 0) return {};
     const BsdfTraits traits = bsdf_traits_[static_cast<std::size_t>(id)];
-    if (behind && !turned && !traits.transmissive) return black;
+    if (behind && !turned && !traits.transmissive) return {};
 
-    const Bsdf &bsdf = parts_.bsdfs[static_cast<std::size_t>(id)];
-    Surface surface{false, traits.delta, {}, {}, prepare(bsdf, filtered_reader(hit, wo))};
-    // Towards the viewer, where light that passes through does not tell the sides apart.
-    const float side = behind ? -1.0f : 1.0f;
-    const Vec3f geometric = hit.normal * side;
-    Vec3f n = normal.n * (turned ? 1.0f : side);
-    surface.bent = !(n == geometric);
-    if (surface.bent)
+    // Towards the viewer, until it is known whether the lobe tells the sides apart.
+    const Vec3f geometric = behind ? -hit.normal : hit.normal;
+    Vec3f n = behind && !turned ? -normal.n : normal.n;
+    const bool bent = !(n == geometric);
+    if (bent)
         n = traits.lambertian ? seen_from_above(n, geometric, wo) : with_mirror_image_above(n, geometric, wo);
-    if (traits.transmissive) n *= side;
-    surface.frame = traits.isotropic ? frame_around(n) : frame_along(n, normal.tangent);
-    surface.wo = surface.frame.to_local(wo);
-    if (surface.bent) {
-        surface.normal = surface.frame.to_local(hit.normal);
+    if (behind && traits.transmissive) n = -n;
+    const Frame frame = traits.isotropic ? frame_around(n) : frame_along(n, normal.tangent);
+    Bend bend{bent};
+    if (bent) {
+        bend.normal = frame.to_local(hit.normal);
         if (normal.shadowed) {
-            surface.smooth = surface.frame.to_local(hit.shading_normal);
-            const float squared = sqr(surface.smooth.z);
-            surface.bump = std::max(1 - squared, 0.0f) / std::max(squared, 1e-12f);
+            bend.smooth = frame.to_local(hit.shading_normal);
+            bend.bump = tangent_squared(bend.smooth.z);
         }
     }
     // Scenes write alpha = 0.0001 for a mirror. Such a lobe is narrower than any light that has an area, so
     // that samples of lights would only cost time; lights without area need them still.
-    constexpr float sharpest_alpha = 5e-4f;
-    surface.sharp |= !picker_.has_delta_lights() && roughness(surface.lobe) < sharpest_alpha;
-    return surface;
+    const float sharpest = picker_.has_delta_lights() ? 0 : 5e-4f;
+    const Bsdf &bsdf = parts_.bsdfs[static_cast<std::size_t>(id)];
+    return {bsdf, filtered_reader(hit, wo), traits.delta, sharpest, frame, wo, bend};
 }
 
 Spectrum Scene::albedo(const Hit &hit, const Vec3f &wo, float u) const {

@@ -41,33 +41,45 @@ struct SceneParts {
     PixelFilter filter;
 };
 
-// A surface point made ready to scatter: the lobe and the frame it lives in. Directions are local.
-struct Surface {
-    bool black; // nothing is scattered: the rest is meaningless
-    bool sharp; // sampling lights is of no use: only sampling the lobe finds where it scatters
-    Frame frame;
-    Vec3f wo;
-    Lobe lobe;
-    bool bent = false;     // the frame's normal is not the geometric one
-    float bump = 0;        // tangent^2 of the angle by which maps turned it, where that casts shadows
-    Vec3f normal{0, 0, 1}; // geometric
-    Vec3f smooth{0, 0, 1}; // before maps turned it
+// How a shading normal differs from the geometric one. Directions are in the shading frame.
+struct Bend {
+    bool bent = false; // else the rest is meaningless
+    float bump = 0;    // tangent^2 of the angle by which maps turned the normal, where that casts shadows
+    Vec3f normal{0};   // geometric
+    Vec3f smooth{0};   // before maps turned it
 
-    // How much of the light that the lobe scatters along wi there is: none that is reflected into the solid,
-    // and less where bumps stand in its way.
-    float visible(Vec3f wi) const {
-        if (!bent) return 1;
+    // How much of the light that is scattered between wo and wi there is: none that is reflected into the
+    // solid, and less where bumps stand in its way.
+    float visible(Vec3f wo, Vec3f wi) const {
         if (wi.z * wo.z > 0 && dot(normal, wi) * dot(normal, wo) <= 0) return 0;
-        if (bump == 0) return 1;
-        const float squared = sqr(dot(smooth, wi));
-        return bump_shadowing(bump, std::max(1 - squared, 0.0f) / std::max(squared, 1e-12f));
+        return bump == 0 ? 1 : bump_shadowing(bump, tangent_squared(dot(smooth, wi)));
+    }
+};
+
+// A surface point made ready to scatter: the lobe and the frame it lives in. It is made in one go, as copying
+// it would cost more than what is in it.
+struct Surface {
+    bool black = true;  // nothing is scattered: the rest is meaningless
+    bool sharp = false; // sampling lights is of no use: only sampling the lobe finds where it scatters
+    Frame frame;
+    Vec3f wo{0}; // local
+    Lobe lobe;
+    Bend bend;
+
+    Surface() = default;
+    // Lobes of less than this roughness are sharp, too.
+    Surface(const Bsdf &bsdf, const auto &read, bool delta, float sharpest, const Frame &frame,
+            const Vec3f &wo, const Bend &bend)
+        : black(false), frame(frame), wo(frame.to_local(wo)), lobe(prepare(bsdf, read)), bend(bend) {
+        sharp = delta || roughness(lobe) < sharpest;
     }
 };
 
 // The same as of lobes, along directions in world space.
 inline BsdfEval eval(const Surface &surface, const Vec3f &direction) {
     const Vec3f wi = surface.frame.to_local(direction);
-    const float visible = surface.visible(wi);
+    if (!surface.bend.bent) return eval(surface.lobe, surface.wo, wi);
+    const float visible = surface.bend.visible(surface.wo, wi);
     if (visible == 0) return {};
     BsdfEval result = eval(surface.lobe, surface.wo, wi);
     result.f_cos *= visible;
@@ -76,9 +88,14 @@ inline BsdfEval eval(const Surface &surface, const Vec3f &direction) {
 inline std::optional<BsdfSample> sample(const Surface &surface, float u_lobe, const Vec2f &u) {
     auto result = sample(surface.lobe, surface.wo, u_lobe, u);
     if (!result) return result;
-    const float visible = result->kind == ScatterKind::null ? 1 : surface.visible(result->wi);
-    if (visible == 0) return std::nullopt;
-    result->weight *= visible;
+    if (surface.bend.bent && result->kind != ScatterKind::null) {
+        const float visible = surface.bend.visible(surface.wo, result->wi);
+        result->weight *= visible;
+        if (visible == 0) {
+            result.reset();
+            return result;
+        }
+    }
     result->wi = surface.frame.to_world(result->wi);
     return result;
 }

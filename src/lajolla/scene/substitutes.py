@@ -14,8 +14,6 @@ NESTED = "<nested>"  # the first child of the same kind
 # plugin of that name, its row is not asked.
 SUBSTITUTES = {
     "bsdf": {
-        "coating": NESTED,
-        "roughcoating": NESTED,
         "hk": "diffuse",
         "irawan": "diffuse",
         "measured": "diffuse",

@@ -8,7 +8,7 @@ from ..convert import convert
 from ..errors import SceneError
 from ..literals import Text, parse_floats
 from ..nodes import Node
-from ..schema import BLACK, Content, Field, MaterialId, Plugin, Slot
+from ..schema import BLACK, AdapterId, Content, Field, MaterialId, Plugin, Slot
 
 if TYPE_CHECKING:
     from ..build import Builder
@@ -139,8 +139,58 @@ def _seen_from_behind(builder: Builder, slot: Slot) -> MaterialId:
     return slot.front if slot.back == BLACK and lets_light_through(builder, slot.front) else slot.back
 
 
+def _coating(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+    """A layer around every bsdf inside: it goes through blends and masks, and under maps."""
+    inner = _inner(builder, node, 1, "a bsdf")[0]
+    clear = lets_light_through(builder, inner.front) or lets_light_through(builder, inner.back)
+    if clear:
+        message = f"{node} cannot hold a bsdf that lets light through; that stays without"
+        builder.diagnostics.warn(message, node.location)
+    made: dict[MaterialId, MaterialId] = {}
+    return Slot(*(_coated(builder, node, values, side, made) for side in (inner.front, inner.back)))
+
+
+def _rough_coating(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+    return _coating(builder, node, {"alpha": 0.1, **values})
+
+
+def _coated(
+    builder: Builder,
+    node: Node,
+    values: dict[str, Any],
+    material: MaterialId,
+    made: dict[MaterialId, MaterialId],
+) -> MaterialId:
+    if material in made or material == BLACK:
+        return made.get(material, BLACK)
+    if isinstance(material, AdapterId):
+        entry = dict(builder.adapters[material.index])
+        children = {name: entry.pop(name) for name in CHILDREN if name in entry}
+        coated = {
+            name: _coated(
+                builder,
+                node,
+                values,
+                AdapterId(child["adapter"]) if isinstance(child, dict) else child,
+                made,
+            )
+            for name, child in children.items()
+        }
+        made[material] = builder.adapt(node, entry.pop("type"), entry, **coated)
+        return made[material]
+    base = builder.bsdfs[material]
+    if builder.core.transmissive(base):
+        return material
+    if base["type"] == "coating":
+        builder.diagnostics.warn(f"{node} around another coating is left out", node.location)
+        return material
+    made[material] = builder.add_once("bsdfs", {"type": "coating", "base": base, **values}, node)
+    return made[material]
+
+
 WEIGHTS = Field("weights", "string", "one share per bsdf inside; what they leave over is black")
 CHILD = ("child",)
+CHILDREN = ("first", "second", "child")
 
 PLUGINS = (
     Plugin("bsdf", "twosided", "The same, or another, bsdf on the back.", (), _two_sided, ("bsdf",)),
@@ -148,5 +198,16 @@ PLUGINS = (
     Plugin("bsdf", "bumpmap", "", (), _bump_map, ("bsdf", "texture"), "bumpmap", CHILD),
     Plugin("bsdf", "normalmap", "", (), _normal_map, ("bsdf", "texture"), "normalmap", (*CHILD, "scale")),
     Plugin("bsdf", "blendbsdf", "", (), _blend, ("bsdf",), "blendbsdf", ("first", "second")),
+    Plugin("bsdf", "coating", "", (), _coating, ("bsdf",), "coating", ("base", "alpha", "distribution")),
+    Plugin(
+        "bsdf",
+        "roughcoating",
+        "A layer of dull varnish, clear or tinted, on another BSDF.",
+        (Field("alpha", "float", "roughness of the layer", 0.1, 0.0),),
+        _rough_coating,
+        ("bsdf",),
+        "coating",
+        ("base",),
+    ),
     Plugin("bsdf", "mixturebsdf", "A mixture of bsdfs.", (WEIGHTS,), _mixture, ("bsdf",)),
 )
