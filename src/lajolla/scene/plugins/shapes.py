@@ -9,7 +9,7 @@ import numpy as np
 
 from ..nodes import Array, Node
 from ..schema import CHILDREN, Field, Plugin
-from .tessellate import MeshArrays, cube_arrays, cylinder_arrays, sphere_arrays
+from .tessellate import MeshArrays, cube_arrays, cylinder_arrays, frame_around, sphere_arrays
 
 if TYPE_CHECKING:
     from ..build import Builder
@@ -29,6 +29,8 @@ def _round_shape(name: str, arrays: Callable[[dict[str, Any]], MeshArrays]) -> B
     def build(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
         if name == "sphere" and _mirrors(values) and node.version >= (2, 0, 0):
             values["flip_normals"] = not values.get("flip_normals", False)  # as in Mitsuba 3
+        if name == "cylinder":
+            values = _evened_cylinder(values)
         if _is_similarity(values.get("to_world", np.eye(4))):
             return {"type": name, **values}
         builder.diagnostics.warn(f"a stretched {name} is rendered as a mesh of fine triangles", node.location)
@@ -36,6 +38,33 @@ def _round_shape(name: str, arrays: Callable[[dict[str, Any]], MeshArrays]) -> B
         return {"type": "mesh", "mesh": builder.core.Mesh(*arrays(values)), **placed}
 
     return build
+
+
+def _evened_cylinder(values: dict[str, Any]) -> dict[str, Any]:
+    """The same cylinder with other ends and radius, where `to_world` scales alike across its axis.
+
+    What is left of `to_world` turns the cylinder's own frame, so that texture coordinates stay.
+    """
+    matrix = np.asarray(values.get("to_world", np.eye(4)), float)
+    p0 = np.asarray(values.get("p0", (0, 0, 0)), float)
+    axis = np.asarray(values.get("p1", (0, 0, 1)), float) - p0
+    length = float(np.linalg.norm(axis))
+    if length == 0:
+        return values
+    n = axis / length
+    own = np.stack([*frame_around(n), n])  # rows
+    placed = matrix[:3, :3] @ own.T
+    scales = np.linalg.norm(placed, axis=0)
+    if np.any(scales == 0) or abs(scales[0] - scales[1]) > 1e-4 * scales[0]:
+        return values
+    turned = placed / scales
+    if np.max(np.abs(turned.T @ turned - np.eye(3))) > 1e-4:
+        return values
+    to_world = np.eye(4)
+    to_world[:3, :3], to_world[:3, 3] = turned @ own, matrix[:3, :3] @ p0 + matrix[:3, 3]
+    end = tuple(float(v) for v in n * length * scales[2])
+    radius = float(values.get("radius", 1.0) * scales[0])
+    return {**values, "p0": (0.0, 0.0, 0.0), "p1": end, "radius": radius, "to_world": to_world}
 
 
 def _mirrors(values: dict[str, Any]) -> bool:

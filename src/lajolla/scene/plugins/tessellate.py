@@ -56,7 +56,7 @@ def cylinder_arrays(values: dict[str, Any]) -> MeshArrays:
     """The open tube of `radius` from `p0` to `p1` with exact normals; u is the azimuth, v runs along it."""
     p0 = np.asarray(values.get("p0", (0, 0, 0)), float)
     axis = np.asarray(values.get("p1", (0, 0, 1)), float) - p0
-    s, t = _frame(axis / max(float(np.linalg.norm(axis)), 1e-30))
+    s, t = frame_around(axis / max(float(np.linalg.norm(axis)), 1e-30))
     u, v = np.meshgrid(np.linspace(0, 1, SEGMENTS + 1), np.linspace(0, 1, 2))
     u, v = u.reshape(-1, 1), v.reshape(-1, 1)
     normals = np.cos(2 * np.pi * u) * s + np.sin(2 * np.pi * u) * t
@@ -65,7 +65,7 @@ def cylinder_arrays(values: dict[str, Any]) -> MeshArrays:
     return _arrays(vertices, faces, normals, np.concatenate([u, v], axis=1))
 
 
-def _frame(n: Array) -> tuple[Array, Array]:
+def frame_around(n: Array) -> tuple[Array, Array]:
     """Two directions across a unit vector, as the core chooses them (Duff et al. 2017)."""
     sign = np.copysign(1.0, n[2])
     a = -1 / (sign + n[2])
