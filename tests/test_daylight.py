@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reader_tools import error_of, messages, read
+from reader_tools import error_of, messages, read, write_scene
 
+from lajolla.cli import main
+from lajolla.scene import load_description
 from lajolla.scene.sky import Moment, hosek_sun, preetham_sun, sky_map, sun_angles
 
 ALBEDO = np.full(3, 0.3)
+LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
 
 
 @pytest.mark.parametrize(
@@ -115,3 +118,27 @@ def test_beams_without_width_are_told(tmp_path: Path) -> None:
     description = read(tmp_path, '<emitter type="collimated"/>', "0.6.0")
     assert not description.core["emitters"]
     assert any("no path finds" in line for line in messages(description, tmp_path))
+
+
+@pytest.mark.parametrize("plugin", ["sky", "sun", "sunsky"])
+def test_daylight_in_the_words_of_mitsuba_3(plugin: str, tmp_path: Path) -> None:
+    """Written for Mitsuba 3 and read again, it is the same light."""
+    body = f"""<emitter type="{plugin}"><float name="sunRadiusScale" value="4"/><float name="hour" value="9"/>
+        <transform name="toWorld"><rotate y="1" angle="-30"/><rotate x="1" angle="90"/></transform>
+        </emitter>"""
+    if plugin == "sky":
+        body = body.replace('<float name="sunRadiusScale" value="4"/>', "")
+    source, target = write_scene(tmp_path, body, "0.6.0", "old.xml"), tmp_path / "new.xml"
+    assert main(["convert", str(source), str(target)]) == 0
+    old, new = (load_description(path).core["emitters"] for path in (source, target))
+    assert [light["type"] for light in new] == [light["type"] for light in old]
+    for a, b in zip(old, new, strict=True):
+        if a["type"] == "envmap":
+            up, sun_up = (light["to_world"][:3, 1] for light in (a, b))
+            np.testing.assert_allclose(up, sun_up, atol=1e-6)
+            continue
+        np.testing.assert_allclose(a["direction"], b["direction"], atol=1e-5)
+        assert b["angle"] == pytest.approx(a["angle"], rel=1e-4)
+        assert np.dot(LUMINANCE, b["irradiance"]) == pytest.approx(
+            np.dot(LUMINANCE, a["irradiance"]), rel=1e-3
+        )

@@ -203,6 +203,10 @@ SENSORS = {
     ),
     "crop": SENSOR.replace("FILM", CROP),
     "thinlens": SENSOR.replace("perspective", "thinlens").replace("FILM", FOCUS + FILM),
+    "mirror": SENSOR.replace(CAMERA, f'<scale x="-1"/>{CAMERA}').replace("FILM", WIDE),
+    "clipped": SENSOR.replace(
+        "FILM", f'<float name="near_clip" value="4.6"/><float name="far_clip" value="5.8"/>{FILM}'
+    ),
     "orthographic": f"""<sensor type="orthographic">
         <transform name="to_world"><scale x="2" y="2"/>{CAMERA}</transform>{FILM}</sensor>""",
 }

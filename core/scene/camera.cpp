@@ -32,14 +32,18 @@ void require_clip_range(float near, float far) {
     if (!(near < far)) throw std::invalid_argument("near_clip must be smaller than far_clip");
 }
 
+void require_invertible(const Transform &to_world) {
+    if (!inverse(to_world)) throw std::invalid_argument("to_world of the sensor is singular");
+}
+
 } // namespace
 
-void Perspective::build(float aspect, float width) {
+void Perspective::build(const CameraFit &fit) {
     require_clip_range(near_clip, far_clip);
-    if (!inverse(to_world)) throw std::invalid_argument("to_world of the sensor is singular");
-    half_width = half_width_of(fov, fov_axis, aspect);
-    half_height = half_width / aspect;
-    pixel = half_width / width; // half a pixel's width: the radius of its beam at unit distance
+    require_invertible(to_world);
+    half_width = half_width_of(fov, fov_axis, fit.aspect);
+    half_height = half_width / fit.aspect;
+    pixel = half_width / fit.width; // half a pixel's width: the radius of its beam at unit distance
 }
 
 CameraRay Perspective::leave(Vec3f origin, Vec3f direction) const {
@@ -56,11 +60,11 @@ CameraRay ThinLens::generate(Vec2f film, Vec2f lens) const {
     return leave(origin, (focus - origin) / focus_distance);
 }
 
-void Orthographic::build(float aspect, float width) {
+void Orthographic::build(const CameraFit &fit) {
     require_clip_range(near_clip, far_clip);
-    if (!inverse(to_world)) throw std::invalid_argument("to_world of the sensor is singular");
-    aspect_ = aspect;
-    pixel_ = length(to_world.axis(0)) / width;
+    require_invertible(to_world);
+    aspect_ = fit.aspect;
+    pixel_ = length(to_world.axis(0)) / fit.width;
 }
 
 CameraRay Orthographic::generate(Vec2f film, Vec2f) const {
@@ -69,6 +73,46 @@ CameraRay Orthographic::generate(Vec2f film, Vec2f) const {
     // Orthographic cameras are zoomed by scaling them: that must not bring the far plane nearer.
     camera.ray.far = camera.ray.near + (far_clip - near_clip);
     return camera;
+}
+
+// The lens is round in world space, and the focus distance measured there, however the picture is scaled.
+CameraRay Telecentric::generate(Vec2f film, Vec2f lens) const {
+    CameraRay camera = Orthographic::generate(film, lens);
+    const Vec2f p = sample_disk(lens) * aperture_radius;
+    const Vec3f offset = normalize(to_world.axis(0)) * p.x + normalize(to_world.axis(1)) * p.y;
+    camera.ray.direction = normalize(camera.ray.direction * focus_distance - offset);
+    camera.ray.origin += offset;
+    return camera;
+}
+
+void Spherical::build(const CameraFit &fit) {
+    require_invertible(to_world);
+    pixel_ = pi / fit.width; // half of the angle at the horizon
+}
+
+CameraRay Spherical::generate(Vec2f film, Vec2f) const {
+    const float phi = 2 * pi * film.x, theta = pi * film.y, sine = std::sin(theta);
+    const Vec3f local{std::sin(phi) * sine, std::cos(theta), -std::cos(phi) * sine};
+    return {{to_world.origin(), normalize(to_world.vector(local))}, {0, pixel_}, 0};
+}
+
+void RadianceMeter::build(const CameraFit &) { require_invertible(to_world); }
+
+CameraRay RadianceMeter::generate(Vec2f, Vec2f) const {
+    return {{to_world.origin(), normalize(to_world.axis(2))}, {}, 0};
+}
+
+void Distant::build(const CameraFit &fit) {
+    require_invertible(to_world);
+    scene_ = fit.scene;
+    axes_ = frame_around(normalize(to_world.axis(2)));
+}
+
+CameraRay Distant::generate(Vec2f, Vec2f lens) const {
+    const Vec2f p = sample_disk(lens) * scene_.radius;
+    const Vec3f through = has_target ? target : scene_.center + axes_.s * p.x + axes_.t * p.y;
+    const float distance = 2 * scene_.radius + length(through - scene_.center);
+    return {{through - axes_.n * distance, axes_.n}, {}, 0};
 }
 
 } // namespace lajolla

@@ -9,6 +9,7 @@
 #include "base/match.h"
 #include "base/transform.h"
 #include "base/warp.h"
+#include "scene/direct_sample.h"
 #include "scene/hit.h"
 
 namespace lajolla {
@@ -23,6 +24,12 @@ struct CameraRay {
     // media.
     float flight = 0, channel = 0;
     Vec2f film{}, lens{}; // what it was generated from
+};
+
+// What a camera is made for: known once the scene is.
+struct CameraFit {
+    float aspect, width; // of the film: its width over its height, and its width in pixels
+    BoundingSphere scene;
 };
 
 struct Perspective {
@@ -46,8 +53,7 @@ struct Perspective {
             field("principal_point_offset_y", &Perspective::principal_point_offset_y,
                   "shift of the picture, in heights of the film"));
     }
-    // Call once the film is known: its width over its height, and its width in pixels.
-    void build(float aspect, float width);
+    void build(const CameraFit &fit);
     // `film` in [0,1]^2 from the top left corner, `lens` for apertures.
     CameraRay generate(Vec2f film, Vec2f lens) const;
 
@@ -91,13 +97,82 @@ struct Orthographic {
             field("far_clip", &Orthographic::far_clip, "nothing farther than this along +z is seen")
                 .range(0));
     }
-    void build(float aspect, float width);
+    void build(const CameraFit &fit);
     CameraRay generate(Vec2f film, Vec2f lens) const;
 
 private:
     float aspect_ = 1, pixel_ = 0;
 };
 
-using Camera = std::variant<Perspective, ThinLens, Orthographic>;
+struct Telecentric : Orthographic {
+    static constexpr const char *name = "telecentric";
+    static constexpr const char *doc =
+        "Parallel views through a round aperture: what is not at the focus distance is blurred.";
+    float aperture_radius = 0, focus_distance = 1e4f;
+
+    static constexpr auto fields() {
+        return std::tuple_cat(
+            Orthographic::fields(),
+            std::tuple(
+                field("aperture_radius", &Telecentric::aperture_radius, "radius of the lens").range(0, 1e12),
+                field("focus_distance", &Telecentric::focus_distance, "distance along +z that is sharp")
+                    .range(1e-6, 1e12)));
+    }
+    CameraRay generate(Vec2f film, Vec2f lens) const;
+};
+
+struct Spherical {
+    static constexpr const char *name = "spherical";
+    static constexpr const char *doc =
+        "All around in latitude and longitude, +y at the top and +z in the middle, as environment maps are.";
+    Transform to_world;
+
+    static constexpr auto fields() {
+        return std::tuple(field("to_world", &Spherical::to_world, "placement in the scene"));
+    }
+    void build(const CameraFit &fit);
+    CameraRay generate(Vec2f film, Vec2f lens) const;
+
+private:
+    float pixel_ = 0;
+};
+
+struct RadianceMeter {
+    static constexpr const char *name = "radiancemeter";
+    static constexpr const char *doc = "One ray, along +z: every pixel shows what it carries.";
+    Transform to_world;
+
+    static constexpr auto fields() {
+        return std::tuple(field("to_world", &RadianceMeter::to_world, "placement in the scene"));
+    }
+    void build(const CameraFit &fit);
+    CameraRay generate(Vec2f film, Vec2f lens) const;
+};
+
+struct Distant {
+    static constexpr const char *name = "distant";
+    static constexpr const char *doc =
+        "What leaves the scene, or passes one point of it, in one direction: seen from far away along +z.";
+    Transform to_world;
+    Vec3f target{0};
+    bool has_target = false;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("to_world", &Distant::to_world, "placement in the scene; only directions count"),
+            field("target", &Distant::target, "the point that is looked at"),
+            field("has_target", &Distant::has_target,
+                  "look at the target alone, not at all of the scene's bounding sphere"));
+    }
+    void build(const CameraFit &fit);
+    CameraRay generate(Vec2f film, Vec2f lens) const;
+
+private:
+    BoundingSphere scene_;
+    Frame axes_;
+};
+
+using Camera =
+    std::variant<Perspective, ThinLens, Orthographic, Telecentric, Spherical, RadianceMeter, Distant>;
 
 } // namespace lajolla

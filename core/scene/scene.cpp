@@ -57,11 +57,12 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
             reads_footprints_ |= bitmap->reads_footprints();
     materials_ = Materials(parts_.materials, parts_.adapters, parts_.bsdfs);
 
+    bounding_sphere_ = sphere_around(parts_);
+    const CameraFit fit{parts_.film.aspect(), static_cast<float>(parts_.film.width), bounding_sphere_};
     match(parts_.camera, [&](auto &camera) {
-        camera.build(parts_.film.aspect(), static_cast<float>(parts_.film.width));
+        camera.build(fit);
         to_camera_ = inverse(camera.to_world).value_or(Transform{});
     });
-    bounding_sphere_ = sphere_around(parts_);
     picker_ = LightPicker(parts_.lights, parts_.textures, bounding_sphere_);
     accel_.emplace(parts_.shapes, parts_.groups, parts_.instances);
 }

@@ -191,6 +191,7 @@ def _add_missing_light(builder: Builder, scene: Node) -> None:
     daylight |= {"up": "y", "sun_model": "preetham", "albedo": 0.2}
     for name, value in daylight.items():
         node.set_default(name, value)
+    scene.properties.append(Property("", node, scene.location, scene.location))
     _add_emitter(builder, node)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from .nodes import Node, Property, Rgb, Value
+from .plugins.daylight import in_words_of_mitsuba3
 from .volume_files import read_voxels
 from .voxels import vol_bytes
 
@@ -40,8 +41,6 @@ NEAREST = {
     ("bsdf", "disneybsdf"): "principled",
     ("bsdf", "disneyglass"): "principled",
     ("bsdf", "disneymetal"): "principled",
-    ("emitter", "sun"): "sunsky",
-    ("emitter", "sky"): "sunsky",
     ("sensor", "telecentric"): "orthographic",
 }
 OTHERWISE = {
@@ -274,6 +273,18 @@ def _grid_volume(translator: Translator, read: Node, node: Node) -> Node | None:
     return having(result, filename=name)
 
 
+def _daylight(translator: Translator, read: Node, node: Node) -> Node | None:
+    """Sun and sky in the same place; the sky ends at the horizon."""
+    plugin = translator.builder.plugin(read)
+    assert plugin is not None
+    values = translator.builder.values(read, plugin)
+    if values.get("extend") or values.get("stretch", 1.0) > 1:
+        translator.warn(node, f"Mitsuba 3 draws no {node} below the horizon")
+    written = in_words_of_mitsuba3(translator.builder, read, values)
+    empty = Node("emitter", "sunsky", node.location, node.plugin_location, node.id)
+    return None if written is None else having(empty, **written)
+
+
 Adapter: TypeAlias = Callable[["Translator", Node, Node], "Node | None"]
 ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("integrator", "path"): _path,
@@ -294,6 +305,7 @@ ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("bsdf", "disneydiffuse"): _disney_diffuse,
     ("bsdf", "phong"): _phong,
     ("bsdf", "ward"): _ward,
+    **{("emitter", name): _daylight for name in ("sun", "sky", "sunsky")},
     ("medium", "homogeneous"): _homogeneous,
     ("medium", "heterogeneous"): _heterogeneous,
     ("volume", "gridvolume"): _grid_volume,

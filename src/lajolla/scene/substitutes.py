@@ -28,7 +28,6 @@ SUBSTITUTES = {
     "sampler": {"independent": "independent"},
     "phase": {"kkay": "isotropic", "microflake": "isotropic", "mixturephase": NESTED},
     "volume": {"volcache": NESTED, "grid": "gridvolume", "const": "constvolume"},
-    "sensor": {"telecentric": "orthographic", "spherical": DROPPED},
     "shape": {"mesh": DROPPED, "ellipsoids": DROPPED, "ellipsoidsmesh": DROPPED, "deformable": DROPPED},
 }
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import SceneError
-from ..nodes import Array, Node
+from ..nodes import Array, Node, Rgb, Vector
 from ..schema import Field, Plugin
-from ..sky import SUN_DIAMETER, Moment, hosek_sun, preetham_sun, sky_map, sun_angles
+from ..sky import SUN_DIAMETER, Moment, hosek_sun, luminance, preetham_sun, sky_map, sun_angles
 
 if TYPE_CHECKING:
     from ..build import Builder
@@ -101,7 +101,7 @@ def _sun_light(values: dict[str, Any], to_world: Array, sun: Array, scale: float
     side = level / length if length > 0 else level
     towards = to_world[:3, :3] @ (math.sin(drawn) * side + np.array([0, math.cos(drawn), 0]))
     direction = tuple(float(-v) for v in towards)
-    angle = min(values.get("sun_aperture", SUN_DIAMETER) * values.get("sun_radius_scale", 1.0), 179.0)
+    angle = min(_diameter(values), 179.0)
     if angle < 0.01:  # as good as parallel
         return [{"type": "directional", "direction": direction, "irradiance": tuple(map(float, flux))}]
     # Light from the rim arrives at a slant: the mean cosine over the disk.
@@ -114,6 +114,31 @@ def _sun_light(values: dict[str, Any], to_world: Array, sun: Array, scale: float
             "angle": angle,
         }
     ]
+
+
+def in_words_of_mitsuba3(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any] | None:
+    """The properties of a `sunsky` of Mitsuba 3 that shines alike; None at night."""
+    to_world, sun = _place(builder, node, values)
+    if sun is None:
+        return None
+    turbidity, scale, elevation = values.get("turbidity", 3.0), values.get("scale", 1.0), math.asin(sun[1])
+    sun_scale, sky_scale = (values.get(name, scale) for name in ("sun_scale", "sky_scale"))
+    if values.get("sun_model") == "preetham":
+        old, new = (luminance(model(elevation, turbidity)) for model in (preetham_sun, hosek_sun))
+        sun_scale *= old / new if new > 0 else 0.0
+    return {
+        "to_world": to_world @ np.linalg.inv(Z_UP),
+        "sun_direction": Vector(tuple(float(v) for v in to_world[:3, :3] @ sun)),
+        "turbidity": turbidity,
+        "albedo": Rgb(tuple(values.get("albedo", (0.3,) * 3))),
+        "sun_scale": 0.0 if node.plugin == "sky" else sun_scale,
+        "sky_scale": 0.0 if node.plugin == "sun" else sky_scale,
+        "sun_aperture": min(max(_diameter(values), 0.01), 179.0),
+    }
+
+
+def _diameter(values: dict[str, Any]) -> float:
+    return values.get("sun_aperture", SUN_DIAMETER) * values.get("sun_radius_scale", 1.0)
 
 
 COMMON = (

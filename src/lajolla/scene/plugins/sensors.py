@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..nodes import Node
+import numpy as np
+
+from ..errors import SceneError
+from ..nodes import Array, Node
 from ..schema import CHILDREN, Field, Plugin
 from .lenses import FOCAL_LENGTH, field_of_view
 
@@ -14,6 +17,29 @@ if TYPE_CHECKING:
 
 def _perspective(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     return {"type": node.plugin.lower(), **field_of_view(node, values)}
+
+
+def _along_ray(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    """`origin` and `direction` in place of `to_world`, and an optional target."""
+    origin, direction = (values.pop(name, None) for name in ("origin", "direction"))
+    if direction is not None and "to_world" not in values:
+        values["to_world"] = _looking_along(
+            node, np.array(direction, float), np.array(origin or (0, 0, 0), float)
+        )
+    if "target" in values:
+        values["has_target"] = True
+    return {"type": node.plugin.lower(), **values}
+
+
+def _looking_along(node: Node, direction: Array, origin: Array) -> Array:
+    if not np.linalg.norm(direction) > 0:
+        raise SceneError(f"{node} has no direction", node.property_location("direction"))
+    z = direction / np.linalg.norm(direction)
+    x = np.cross((0, 1, 0) if abs(z[1]) < 0.9 else (1, 0, 0), z)
+    x /= np.linalg.norm(x)
+    matrix = np.eye(4)
+    matrix[:3] = np.stack([x, np.cross(z, x), z, origin], axis=1)
+    return matrix
 
 
 def _sobol(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
@@ -41,8 +67,14 @@ LOW_DISCREPANCY = {
     "halton": ("scramble",),
     "hammersley": ("scramble",),
 }
+DIRECTION = Field("direction", "vector", "in which the ray goes, instead of to_world")
+ORIGIN = Field("origin", "vector", "where the ray starts, instead of to_world")
 
 PLUGINS = (
+    Plugin(
+        "sensor", "radiancemeter", "", (ORIGIN, DIRECTION), _along_ray, CHILDREN["sensor"], "radiancemeter"
+    ),
+    Plugin("sensor", "distant", "", (DIRECTION,), _along_ray, CHILDREN["sensor"], "distant", ("has_target",)),
     *(
         Plugin("sensor", name, "", (FOCAL_LENGTH,), _perspective, CHILDREN["sensor"], name)
         for name in ("perspective", "thinlens")
