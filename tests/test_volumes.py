@@ -232,6 +232,8 @@ def test_microflakes_change_the_extinction() -> None:
         ({"media": [{"type": "heterogeneous", "sigma_t": {"volume": 0}}]}, "there is no volume 0"),
         ({"media": [{"type": "homogeneous", "phase": 0}]}, "there is no phase function 0"),
         ({"media": [{"type": "homogeneous", "phase": -2}]}, "the index of a phase function"),
+        ({"media": [{"type": "homogeneous", "sigma_a": 3e38, "sigma_s": 3e38}]}, "too dense"),
+        ({"media": [{"type": "heterogeneous", "sigma_t": 1e38, "scale": 1e38}]}, "too dense"),
         ({"volumes": [{"type": "gridvolume"}]}, "needs a grid"),
         ({"volumes": [volume(voxels((2, 2, 2, 1))) | {"to_world": np.zeros((4, 4))}]}, "flattens"),
         (

@@ -78,6 +78,11 @@ void Media::add(Medium medium) {
     } else if (directional && reads_volumes(phase))
         throw std::invalid_argument("a homogeneous medium cannot have particles that differ from place to "
                                     "place: their area is part of the extinction");
+    const bool finite = match(medium, [](const auto &m) {
+        if constexpr (requires { m.majorants; }) return std::isfinite(m.majorants.maximum());
+        else return is_finite(m.sigma_a + m.sigma_s) && is_finite(m.sigma_a * m.emission);
+    });
+    if (!finite) throw std::invalid_argument("the medium is too dense: its extinction overflows");
     media_.push_back(std::move(medium));
     directional_.push_back(directional);
 }
