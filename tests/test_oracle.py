@@ -93,8 +93,8 @@ BSDFS = {
         {RED}</bsdf></bsdf>""",
     "principled": """<bsdf type="principled"><rgb name="base_color" value="0.8 0.4 0.1"/>
         <float name="metallic" value="0.3"/><float name="anisotropic" value="0.6"/>
-        <float name="sheen" value="0.8"/><float name="clearcoat" value="1"/><float name="flatness" value="0.5"/>
-        <float name="spec_tint" value="0.7"/></bsdf>""",
+        <float name="sheen" value="0.8"/><float name="clearcoat" value="1"/>
+        <float name="flatness" value="0.5"/><float name="spec_tint" value="0.7"/></bsdf>""",
     "principled-glass": """<bsdf type="principled"><rgb name="base_color" value="0.8 0.9 0.7"/>
         <float name="spec_trans" value="0.8"/><float name="roughness" value="0.3"/></bsdf>""",
     "principledthin": """<bsdf type="principledthin"><rgb name="base_color" value="0.3 0.8 0.2"/>
