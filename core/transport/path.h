@@ -151,6 +151,7 @@ inline Path::Course Path::cross_medium(const Scene &scene, Tracer &tracer, const
                                        const BounceSample &u, const std::optional<RayHit> &found,
                                        Walk<InMedia> &walk) const {
     Ray piece = walk.ray;
+    piece.near = 0; // a camera's near plane hides surfaces, not the medium before it
     if (found) piece.far = found->distance;
     const Flight flight = walk.medium.fly(scene, piece, walk.flight);
     walk.radiance += walk.throughput * flight.emitted;
