@@ -175,14 +175,17 @@ inline Path::Course Path::cross_medium(const Scene &scene, Tracer &tracer, const
 template <class Medium>
 bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                               const BounceSample &u, const Hit &hit, Walk<Medium> &walk) const {
+    // As in Mitsuba, going straight through a pane of glass is a bounce for `path` and none for `volpath`.
+    const bool last = walk.depth == max_depth;
+    if (last && !Medium::present) return false;
     const Surface surface = scene.surface(hit, -walk.ray.direction, walk.flight);
-    if (surface.black) return false;
+    if (surface.black || (last && !surface.sharp)) return false;
     if (!surface.sharp)
         walk.radiance += walk.throughput * direct(scene, tracer, SurfaceVertex{hit, surface}, u,
                                                   walk.medium.for_shadow_ray(sampler, walk.block));
 
     const auto scattered = sample(surface, u.lobe, u.bsdf_uv);
-    if (!scattered) return false;
+    if (!scattered || (last && scattered->kind != ScatterKind::null)) return false;
     // Radiance over eta^2 is what stays constant along a ray that refracts (Veach 1997, section 5.2).
     walk.throughput *= scattered->weight;
     if (scattered->eta != 1) {
@@ -199,7 +202,6 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
         walk.cone = scattered->kind == ScatterKind::null
                         ? hit.footprint
                         : hit.footprint.scattered(hit.mean_curvature, scattered->width(), scattered->eta);
-    // As in Mitsuba, a pane of glass is a bounce for `path` and none for `volpath`.
     if (!Medium::present || scattered->kind != ScatterKind::null) ++walk.depth;
     else if (++walk.passages > max_passages) return false;
     return true;
@@ -249,7 +251,7 @@ Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
             walk.medium.cross(hit, walk.ray.direction);
             continue;
         }
-        if (walk.depth == max_depth || !surfaces_scatter) break;
+        if (!surfaces_scatter) break;
         if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) break;
         if (!is_finite(walk.throughput)) [[unlikely]]
             return walk.throughput; // whoever takes the sample counts it
