@@ -44,7 +44,7 @@ struct Hair {
                 .range(0),
             field("scale", &Hair::scale, "factor of sigma_a").range(0),
             field("longitudinal_roughness", &Hair::longitudinal_roughness,
-                  "roughness along the fibre, at least 0.02")
+                  "roughness along the fibre, at least 0.05")
                 .range(0, 1),
             field("azimuthal_roughness", &Hair::azimuthal_roughness,
                   "roughness around the fibre, at least 0.02")
@@ -187,7 +187,7 @@ struct Hair {
 
     void build() {
         check_indices(int_ior, ext_ior);
-        const float m = std::max(longitudinal_roughness, 0.02f), n = std::max(azimuthal_roughness, 0.02f);
+        const float m = std::max(longitudinal_roughness, 0.05f), n = std::max(azimuthal_roughness, 0.02f);
         // Fits of Chiang et al. 2016, section 4.1
         const float v = sqr(0.726f * m + 0.812f * m * m + 3.7f * std::pow(m, 20.0f));
         fibre_.eta = int_ior / ext_ior;
