@@ -12,18 +12,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .build import Builder
 from .convert import constant_or_texture, convert
 from .images import Pixels, is_integer_file, read_pixels
-from .mitsuba3_plugins import ADAPTERS, HAS, NEAREST, OTHERWISE, having, like, with_boundary
+from .mitsuba3_plugins import ADAPTERS, HAS, NEAREST, OTHERWISE, having, having_bsdf, like, with_boundary
 from .nodes import Node, Property, Rgb, Value, Vector
 from .plugins import colours
 from .plugins.textures import decode
 from .ply_bytes import ply_bytes
-from .schema import Field, Plugin
+from .schema import Field, Part, Plugin
 
 # Properties of ours that only say how to find what is written already, or that no other renderer has.
 OURS = ("strategy", "version", "multiscatter")
+OBJ_ONLY = ("collapse", "load_materials", "max_smooth_angle")
+GROUPS = ("shapegroup", "instance")
 CONSTANTS = {plugin.name for plugin in colours.PLUGINS}
 
 
@@ -41,6 +45,7 @@ class Translator:
     pack: bool = False
     packed: dict[str, bytes | Pixels] = field(default_factory=dict)
     done: dict[Node, Node | None] = field(default_factory=dict)
+    made: dict[Node, list[Node]] = field(default_factory=dict)  # of shapes
 
     def scene(self, root: Node, core: Mapping[str, Any]) -> Node:
         """The whole scene, with the integrator and the camera of its description where it has none itself."""
@@ -49,8 +54,9 @@ class Translator:
             if not any(root.children(kind)):
                 result.properties.append(self._described(root, kind, core[kind]))
         for prop in root.properties:
-            if isinstance(prop.value, Node) and (child := self.node(prop.value)) is not None:
-                result.properties.append(Property(prop.name, child, prop.location, prop.name_location))
+            if isinstance(prop.value, Node):
+                for child in self._values(root, prop, None):
+                    result.properties.append(Property(prop.name, child, prop.location, prop.name_location))
         return result
 
     def _described(self, root: Node, kind: str, entry: Mapping[str, Any]) -> Property:
@@ -66,22 +72,31 @@ class Translator:
             self.done[node] = None if known is None else self._translate(known)
         return self.done[node]
 
-    def _translate(self, node: Node) -> Node | None:
-        plugin = self.builder.plugin(node)
-        assert plugin is not None
+    def _properties(self, node: Node, plugin: Plugin) -> Node:
+        """The node with each of its properties translated."""
         result = like(node, plugin.name)
         fields = {f.name: f for f in plugin.fields}
         for prop in node.properties:
-            value = self._property(node, plugin, prop, fields.get(prop.name))
-            if value is not None and prop.name not in OURS:
-                result.properties.append(Property(prop.name, value, prop.location, prop.name_location))
+            for value in self._values(node, prop, fields.get(prop.name)):
+                if prop.name not in OURS:
+                    result.properties.append(Property(prop.name, value, prop.location, prop.name_location))
+        return result
+
+    def _values(self, node: Node, prop: Property, field: Field | None) -> list[Value]:
+        if isinstance(prop.value, Node) and prop.value.kind == "shape":
+            return list(self.shapes(prop.value))
+        value = self._property(node, prop, field)
+        return [] if value is None else [value]
+
+    def _translate(self, node: Node) -> Node | None:
+        plugin = self.builder.plugin(node)
+        assert plugin is not None
+        result = self._properties(node, plugin)
         if (node.kind, plugin.name) in ADAPTERS:
             return ADAPTERS[node.kind, plugin.name](self, node, result)
-        if node.kind == "shape":
-            return self._shape(node, with_boundary(result))
         return result if plugin.name in HAS[node.kind].split() else self.nearest(result)
 
-    def _property(self, node: Node, plugin: Plugin, prop: Property, field: Field | None) -> Value | None:
+    def _property(self, node: Node, prop: Property, field: Field | None) -> Value | None:
         if isinstance(prop.value, Node):
             if prop.value.kind != "texture" or field is None:
                 return self.node(prop.value)
@@ -129,27 +144,52 @@ class Translator:
         path = self.folder / str(getattr(node.find("filename"), "value", ""))
         pixels = read_pixels(path, node.property_location("filename"), channel)
         name = f"{self.stem}-files/{len(self.packed)}.exr"
-        self.packed[name] = decode(pixels, gamma) if is_integer_file(path) else pixels
+        linear = decode(pixels, gamma) if is_integer_file(path) else pixels
+        self.packed[name] = np.broadcast_to(linear, (*linear.shape[:2], 3))
         return name
 
     # Shapes
 
-    def _shape(self, node: Node, result: Node) -> Node | None:
-        """Under its own name where Mitsuba 3 makes the same of it, else as the mesh that it is to us."""
-        if result.plugin in HAS["shape"].split() and not self._must_pack(node, result):
-            return result
+    def shapes(self, node: Node) -> list[Node]:
+        """A shape under its own name where Mitsuba 3 makes the same of it, else as the meshes that it is."""
+        if node not in self.made:
+            known = self.builder.known(node)
+            self.made[node] = [] if known is None else self._shapes(known)
+        return self.made[node]
+
+    def _shapes(self, node: Node) -> list[Node]:
+        plugin = self.builder.plugin(node)
+        assert plugin is not None
+        if plugin.name == "merge":
+            return [shape for _, child in node.children("shape") for shape in self.shapes(child)]
+        result = with_boundary(self._properties(node, plugin))
+        if plugin.name in GROUPS:
+            return [result]
         entry = self.builder.construct(node)
         if entry is None:
-            return None
-        if entry["type"] != "mesh":
-            return self.nearest(result)
+            return []
+        if isinstance(entry, list):
+            return [self._packed(having_bsdf(result, self._part_bsdf(part)), part.entry) for part in entry]
+        if plugin.name in HAS["shape"].split() and not self._must_pack(result, entry):
+            return [
+                Node(node.kind, plugin.name, node.location, node.location, node.id, result.without(OBJ_ONLY))
+            ]
+        if entry["type"] == "mesh":
+            return [self._packed(result, entry)]
+        return [nearest] if (nearest := self.nearest(result)) else []
+
+    def _part_bsdf(self, part: Part) -> Node | None:
+        return self.node(part.bsdf) if part.bsdf else None
+
+    def _packed(self, node: Node, entry: Mapping[str, Any]) -> Node:
         name = f"{self.stem}-files/{len(self.packed)}.ply"
         self.packed[name] = ply_bytes(entry["mesh"])
         kept = ("", "face_normals", "flip_normals", "to_world")
-        properties = [p for p in result.properties if p.name in kept or isinstance(p.value, Node)]
+        properties = [p for p in node.properties if p.name in kept or isinstance(p.value, Node)]
         return having(Node("shape", "ply", node.location, node.location, node.id, properties), filename=name)
 
-    def _must_pack(self, node: Node, result: Node) -> bool:
-        if result.plugin in ("obj", "ply", "serialized"):
-            return self.pack or result.find("max_smooth_angle") is not None
-        return result.plugin in ("sphere", "cylinder") and self.builder.construct(node)["type"] == "mesh"
+    def _must_pack(self, node: Node, entry: Mapping[str, Any]) -> bool:
+        if node.plugin in ("obj", "ply", "serialized"):
+            indexed = node.plugin == "obj" and node.find("shape_index") is not None
+            return self.pack or indexed or node.find("max_smooth_angle") is not None
+        return node.plugin in ("sphere", "cylinder") and entry["type"] == "mesh"

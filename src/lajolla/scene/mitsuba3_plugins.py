@@ -66,6 +66,13 @@ def having(node: Node, **values: Value) -> Node:
     return Node(node.kind, node.plugin, node.location, node.plugin_location, node.id, properties)
 
 
+def having_bsdf(shape: Node, bsdf: Node | None) -> Node:
+    """The shape with this bsdf alone."""
+    kept = [p for p in shape.properties if not (isinstance(p.value, Node) and p.value.kind == "bsdf")]
+    result = Node(shape.kind, shape.plugin, shape.location, shape.plugin_location, "", kept)
+    return _holding(result, bsdf) if bsdf else result
+
+
 def with_boundary(shape: Node) -> Node:
     """A shape around a medium without a bsdf is invisible in files before 2.0, and grey in newer ones."""
     if shape.version >= (2, 0, 0) or not any(shape.children("medium")) or any(shape.children("bsdf")):
@@ -217,6 +224,11 @@ def _film(translator: Translator, read: Node, node: Node) -> Node:
     return Node("film", "hdrfilm", node.location, node.plugin_location, node.id, kept)
 
 
+def _sampler(translator: Translator, read: Node, node: Node) -> Node | None:
+    node.properties = [p for p in node.properties if p.name in ("sample_count", "seed")]
+    return node if node.plugin in HAS["sampler"].split() else translator.nearest(node)
+
+
 def _path(translator: Translator, read: Node, node: Node) -> Node:
     roulette = getattr(node.find("rr_depth"), "value", None)
     return having(node, rr_depth=1) if roulette == 0 else node
@@ -292,8 +304,8 @@ ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("sensor", "perspective"): _sensor,
     ("sensor", "thinlens"): _sensor,
     ("sensor", "orthographic"): _sensor,
-    ("film", "hdrfilm"): _film,
-    ("film", "ldrfilm"): _film,
+    **{("film", name): _film for name in ("hdrfilm", "ldrfilm", "mfilm", "tiledhdrfilm")},
+    **{("sampler", name): _sampler for name in ("sobol", "halton", "hammersley", *HAS["sampler"].split())},
     ("bsdf", "mixturebsdf"): _mixture,
     ("bsdf", "coating"): _inner,
     ("bsdf", "roughcoating"): _inner,
