@@ -161,8 +161,8 @@ def is_accepted(description: Settings) -> bool:
 def settings_of(name: str) -> list[Settings]:
     """Descriptions of one model: one field changed at a time, and all fields at once.
 
-    Scalars are changed under all combinations of choices, colours under one combination each. Without
-    choices, a value that is the field's default makes no setting of its own.
+    Scalars are changed under all combinations of choices, colours, and scalars where there are many, under
+    one combination each. Without choices, a value that is the field's default makes no setting of its own.
     Corners that the model refuses are left out; its defaults it must accept.
     """
     fields = MODELS[name]["fields"]
@@ -177,13 +177,16 @@ def settings_of(name: str) -> list[Settings]:
     values = {f["name"]: values_of(f) for f in scalars}
     if len(scalars) > MANY:
         values = {key: [value for i, value in enumerate(all_) if i != 1] for key, all_ in values.items()}
-    result += [
-        c | {f["name"]: value}
-        for c in combinations
+    changes = [
+        {f["name"]: value}
         for f in scalars
         for value in values[f["name"]]
         if switches or value != f["default"]
     ]
+    if len(scalars) > MANY:
+        result += in_turn(combinations, changes)
+    else:
+        result += [c | change for c in combinations for change in changes]
     coloured = [{f["name"]: value} for f in colours for value in values_of(f)]
     result += [c | colour for c, colour in zip(itertools.cycle(combinations), coloured, strict=False)]
     rng = generator("settings", name)
@@ -191,6 +194,20 @@ def settings_of(name: str) -> list[Settings]:
         {"type": name} | {f["name"]: random_value(f, rng) for f in fields} for _ in range(JOINT_SETTINGS)
     ]
     return [d for i, d in enumerate(result) if i == 0 or (d not in result[:i] and is_accepted(d))]
+
+
+def in_turn(combinations: list[Settings], changes: list[Settings]) -> list[Settings]:
+    """Each change under the next combination that the model accepts with it.
+
+    The turn skips one after each round, so that the values of a field do not always meet the same ones.
+    """
+    count = len(combinations)
+    result = []
+    for i, change in enumerate(changes):
+        start = i + i // count
+        candidates = [combinations[(start + j) % count] | change for j in range(count)]
+        result.append(next((c for c in candidates if is_accepted(c)), candidates[0]))
+    return result
 
 
 def check_reciprocity(bsdf: Bsdf, wo: np.ndarray, count: int = 4000) -> None:

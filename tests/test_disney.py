@@ -35,6 +35,8 @@ def random_settings(name: str, rng: np.random.Generator) -> Settings:
     """All fields at random; half of the fractions are zero, and no highlight is narrower than float32."""
     settings: Settings = {"type": name}
     for field in MODELS[name]["fields"]:
+        if field["name"] == "multiscatter":
+            continue
         value = random_value(field, rng)
         if field["name"] == "roughness":
             value = rng.uniform(0.2, 1)

@@ -3,11 +3,13 @@
 // "Extending the Disney BRDF to a BSDF with Integrated Subsurface Scattering"). Where the course notes leave
 // a choice, the renderers that took them up differ; those differences are in the models.
 
+#include <memory>
 #include <stdexcept>
 #include <string>
 
 #include "scatter/bsdf.h"
 #include "scatter/microfacet.h"
+#include "scatter/multiscatter.h"
 
 namespace lajolla::disney {
 
@@ -17,6 +19,11 @@ constexpr float schlick_weight(float cosine) {
     return sqr(sqr(m)) * m;
 }
 inline Spectrum schlick(Spectrum f0, float weight) { return f0 * (1 - weight) + Spectrum(weight); }
+// Its mean over a cosine-weighted hemisphere, where the mean weight is 1/21, and at most one: colours may be
+// more, and the series of bounces between facets that reflect more than one has no sum.
+inline Spectrum schlick_mean(Spectrum f0, Spectrum f90 = Spectrum(1)) {
+    return min(f0 * (20.0f / 21) + f90 * (1.0f / 21), Spectrum(1));
+}
 
 // Reflectance at normal incidence.
 constexpr float reflectance_of_index(float eta) { return sqr((eta - 1) / (eta + 1)); }
@@ -66,6 +73,14 @@ inline Microfacet microfacets(float roughness, float anisotropic, float least_al
     const float aspect = std::sqrt(1 - 0.9f * anisotropic), alpha = sqr(roughness);
     return {MicrofacetKind::ggx, std::max(alpha / aspect, least_alpha),
             std::max(alpha * aspect, least_alpha)};
+}
+
+// What such a surface loses where its facets reflect everything.
+inline std::shared_ptr<const LostLight>
+lost_by_reflection(const Texture<float> &roughness, const Texture<float> &anisotropic, float least_alpha) {
+    return lajolla::lost_by_reflection(
+        microfacets(fraction(roughness.constant), fraction(anisotropic.constant), least_alpha),
+        !roughness.is_constant() || !anisotropic.is_constant());
 }
 
 // The diffuse shape, times pi: Burley 2012, section 5.3, with the retro-reflection of rough surfaces, and its

@@ -14,6 +14,7 @@ struct DisneyBsdf {
     Texture<float> specular_transmission{0}, metallic{0}, subsurface{0}, specular{0.5f}, roughness{0.5f},
         specular_tint{0}, anisotropic{0}, sheen{0}, sheen_tint{0.5f}, clearcoat{0}, clearcoat_gloss{1};
     float eta = 1.5f;
+    bool multiscatter = false;
 
     static constexpr auto fields() {
         return std::tuple(
@@ -38,7 +39,9 @@ struct DisneyBsdf {
             field("clearcoat_gloss", &DisneyBsdf::clearcoat_gloss,
                   "0 is satin (alpha 0.1), 1 is glossy (alpha 0.001)")
                 .range(0, 1),
-            field("eta", &DisneyBsdf::eta, "index of refraction inside, relative to outside").range(0));
+            field("eta", &DisneyBsdf::eta, "index of refraction inside, relative to outside").range(0),
+            field("multiscatter", &DisneyBsdf::multiscatter,
+                  "give back the light that bounces between microfacets and is reflected"));
     }
 
     struct Rules {
@@ -49,7 +52,10 @@ struct DisneyBsdf {
     using Lobe = PrincipledLobe<Rules>;
 
     bool transmissive() const { return specular_transmission != Texture<float>(0); }
-    void build() { eta = disney::checked_index(eta, transmissive()); }
+    void build() {
+        eta = disney::checked_index(eta, transmissive());
+        if (multiscatter) lost_ = disney::lost_by_reflection(roughness, anisotropic, least_alpha);
+    }
 
     [[gnu::noinline]] Lobe prepare(const auto &read) const {
         const auto share = [&](const Texture<float> &texture) { return disney::fraction(read(texture)); };
@@ -57,7 +63,7 @@ struct DisneyBsdf {
         const float m = share(metallic), t = share(specular_transmission), gloss = 1 - t * (1 - m);
         const float normal = share(specular) * disney::reflectance_of_index(eta) * (1 - m);
         const float rough = share(roughness);
-        return {.surface = disney::microfacets(rough, share(anisotropic), 1e-4f),
+        return {.surface = disney::microfacets(rough, share(anisotropic), least_alpha),
                 .coat = disney::Clearcoat(share(clearcoat_gloss)),
                 .eta = eta,
                 .base = base,
@@ -69,8 +75,13 @@ struct DisneyBsdf {
                 .surface_roughness = rough,
                 .flatness = share(subsurface),
                 .sheen = disney::Tint(base, share(sheen_tint)) * ((1 - m) * share(sheen)),
-                .coat_share = share(clearcoat) / 4};
+                .coat_share = share(clearcoat) / 4,
+                .lost = lost_.get()};
     }
+
+private:
+    static constexpr float least_alpha = 1e-4f;
+    std::shared_ptr<const LostLight> lost_;
 };
 
 } // namespace lajolla

@@ -11,6 +11,7 @@ struct DisneyGlass {
     Texture<Spectrum> base_color{Spectrum(0.5f)};
     Texture<float> roughness{0.5f}, anisotropic{0};
     float eta = 1.5f;
+    bool multiscatter = false;
 
     static constexpr auto fields() {
         return std::tuple(
@@ -21,19 +22,33 @@ struct DisneyGlass {
                 .range(0, 1),
             field("anisotropic", &DisneyGlass::anisotropic, "stretches highlights along the tangent")
                 .range(0, 1),
-            field("eta", &DisneyGlass::eta, "index of refraction inside, relative to outside").range(0));
+            field("eta", &DisneyGlass::eta, "index of refraction inside, relative to outside").range(0),
+            field("multiscatter", &DisneyGlass::multiscatter,
+                  "give back the light that bounces between microfacets, where anisotropic is 0"));
     }
 
     using Lobe = RoughDielectric::Lobe;
 
-    void build() { eta = disney::checked_index(eta, true); }
+    void build() {
+        eta = disney::checked_index(eta, true);
+        if (!multiscatter) return;
+        if (anisotropic != Texture<float>(0)) // as in RoughDielectric
+            throw std::invalid_argument("multiscatter is for glass of one roughness; anisotropic must be 0");
+        lost_ = std::make_shared<RoughDielectric::Losses>(
+            disney::microfacets(disney::fraction(roughness.constant), 0, least_alpha),
+            !roughness.is_constant(), eta);
+    }
 
     Lobe prepare(const auto &read) const {
         const Spectrum base = disney::colour(read(base_color));
         return {disney::microfacets(disney::fraction(read(roughness)), disney::fraction(read(anisotropic)),
-                                    1e-4f),
-                eta, base, sqrt(base)};
+                                    least_alpha),
+                eta, base, sqrt(base), lost_.get()};
     }
+
+private:
+    static constexpr float least_alpha = 1e-4f;
+    std::shared_ptr<const RoughDielectric::Losses> lost_;
 };
 
 } // namespace lajolla

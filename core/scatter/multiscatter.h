@@ -5,9 +5,9 @@
 // much and is reciprocal.
 
 #include <algorithm>
+#include <memory>
 #include <vector>
 
-#include "base/texture.h"
 #include "scatter/microfacet.h"
 
 namespace lajolla {
@@ -16,10 +16,10 @@ namespace lajolla {
 // in rows, over what else it depends on.
 class LostLight {
 public:
-    // loss(surface, w, m) is what light along w loses at microfacets of normal m.
+    // loss(surface, w, n) is what light along w loses; means over visible normals take about n x n nodes. Of
+    // a roughness that `varies` the surface given tells no more than the kind.
     template <class Loss>
-    LostLight(MicrofacetKind kind, const Texture<float> &alpha_u, const Texture<float> &alpha_v,
-              const Loss &loss);
+    LostLight(const Microfacet &given, bool varies, const Loss &loss);
 
     // The fraction that is lost along w, which is above the surface.
     float operator()(const Microfacet &surface, Vec3f w) const;
@@ -36,9 +36,8 @@ private:
     // along it is small. Textured: a row per roughness; where that is anisotropic as well the smaller one
     // counts, so that too much is never given back.
     enum class Rows { equal, azimuths, alphas };
-    static Rows rows_of(const Texture<float> &alpha_u, const Texture<float> &alpha_v) {
-        if (!alpha_u.is_constant() || !alpha_v.is_constant()) return Rows::alphas;
-        const Microfacet surface({}, alpha_u.constant, alpha_v.constant);
+    static Rows rows_of(const Microfacet &surface, bool varies) {
+        if (varies) return Rows::alphas;
         return surface.smaller_alpha() == surface.larger_alpha() ? Rows::equal : Rows::azimuths;
     }
     static constexpr std::size_t cosines = 48;
@@ -70,22 +69,17 @@ private:
 };
 
 template <class Loss>
-LostLight::LostLight(MicrofacetKind kind, const Texture<float> &alpha_u, const Texture<float> &alpha_v,
-                     const Loss &loss)
-    : rows_(rows_of(alpha_u, alpha_v)) {
+LostLight::LostLight(const Microfacet &given, bool varies, const Loss &loss) : rows_(rows_of(given, varies)) {
     const std::size_t rows = rows_ == Rows::alphas ? 16 : rows_ == Rows::azimuths ? 9 : 1;
     for (std::size_t row = 0; row < rows; ++row) {
         const float y = rows > 1 ? static_cast<float>(row) / static_cast<float>(rows - 1) : 0;
-        const Microfacet surface = rows_ == Rows::alphas
-                                       ? Microfacet(kind, y * y, y * y)
-                                       : Microfacet(kind, alpha_u.constant, alpha_v.constant);
+        const Microfacet surface = varies ? Microfacet(given.kind(), y * y, y * y) : given;
         const Vec2f azimuth = rows_ == Rows::azimuths ? surface.azimuth_of(y * y) : Vec2f{1, 0};
         for (std::size_t i = 0; i < cosines; ++i) {
             const float x = std::max(static_cast<float>(i) / (cosines - 1), 0.005f), z = x * x;
             const float sine = safe_sqrt(1 - z * z);
             const Vec3f w{sine * azimuth.x, sine * azimuth.y, z};
-            const auto lost = [&](Vec3f m) { return loss(surface, w, m); };
-            values_.push_back(surface.mean_over_visible(w, rows > 1 ? 32 : 96, lost));
+            values_.push_back(loss(surface, w, rows > 1 ? 32 : 96));
         }
         means_.push_back(mean_of_row(row));
     }
@@ -95,12 +89,11 @@ LostLight::LostLight(MicrofacetKind kind, const Texture<float> &alpha_u, const T
         means_.push_back(means_[0]);
     }
     if (rows_ == Rows::azimuths) {
-        const Microfacet surface(kind, alpha_u.constant, alpha_v.constant);
         constexpr int n = 256;
         float sum = 0;
         for (int i = 0; i < n; ++i) {
             const float phi = (static_cast<float>(i) + 0.5f) * (pi / 2 / n);
-            const Place row = place(row_coordinate(surface, {std::cos(phi), std::sin(phi), 0}), rows);
+            const Place row = place(row_coordinate(given, {std::cos(phi), std::sin(phi), 0}), rows);
             sum += lerp(row.rest, means_[row.index], means_[row.index + 1]);
         }
         means_.push_back(sum / n);
@@ -126,6 +119,24 @@ inline float LostLight::mean_of_row(std::size_t row) const {
         sum += a * cube(x) + 2 * (a + b) * cube(x + h / 2) + b * cube(x + h);
     }
     return sum * h * 4 / 6;
+}
+
+// Where facets reflect everything.
+inline std::shared_ptr<const LostLight> lost_by_reflection(const Microfacet &surface, bool varies) {
+    return std::make_shared<LostLight>(surface, varies, [](const Microfacet &facets, Vec3f w, int n) {
+        return facets.mean_over_visible(w, n, [&](Vec3f m) {
+            const Vec3f wi = reflect(w, m);
+            return wi.z > 0 ? 1 - facets.masking(wi) : 1;
+        });
+    });
+}
+
+// The fraction of that light that is not absorbed at its second and later bounces, over the mean loss: the
+// geometric series of F mean(L) after F^2 (1 - mean(L)), with F the mean reflectance of the facets (Hill
+// 2018, "A Multi-Faceted Exploration", part 4).
+inline Spectrum regained_by_reflection(Spectrum f, float mean) {
+    mean = std::max(mean, 1e-6f);
+    return f * f * ((1 - mean) / mean) / (Spectrum(1) - f * mean);
 }
 
 } // namespace lajolla

@@ -15,6 +15,7 @@ struct Principled {
     Texture<float> roughness{0.5f}, anisotropic{0}, metallic{0}, spec_trans{0}, spec_tint{0}, sheen{0},
         sheen_tint{0}, flatness{0}, clearcoat{0}, clearcoat_gloss{0};
     float eta = 1.5f;
+    bool multiscatter = false;
 
     static constexpr auto fields() {
         return std::tuple(
@@ -36,7 +37,9 @@ struct Principled {
             field("clearcoat", &Principled::clearcoat, "strength of a clear coat").range(0, 1),
             field("clearcoat_gloss", &Principled::clearcoat_gloss,
                   "0 is satin (alpha 0.1), 1 is glossy (alpha 0.001)")
-                .range(0, 1));
+                .range(0, 1),
+            field("multiscatter", &Principled::multiscatter,
+                  "give back the light that bounces between microfacets and is reflected"));
     }
 
     struct Rules {
@@ -49,7 +52,10 @@ struct Principled {
     using Lobe = PrincipledLobe<Rules>;
 
     bool transmissive() const { return spec_trans != Texture<float>(0); }
-    void build() { eta = disney::checked_index(eta, transmissive()); }
+    void build() {
+        eta = disney::checked_index(eta, transmissive());
+        if (multiscatter) lost_ = disney::lost_by_reflection(roughness, anisotropic, least_alpha);
+    }
 
     [[gnu::noinline]] Lobe prepare(const auto &read) const {
         const auto share = [&](const Texture<float> &texture) { return disney::fraction(read(texture)); };
@@ -57,7 +63,7 @@ struct Principled {
         const float m = share(metallic), t = share(spec_trans), tint = share(spec_tint);
         const Spectrum tinted = disney::Tint(base, 1)(base) * disney::reflectance_of_index(eta);
         const float rough = share(roughness);
-        return {.surface = disney::microfacets(rough, share(anisotropic), 1e-3f),
+        return {.surface = disney::microfacets(rough, share(anisotropic), least_alpha),
                 .coat = disney::Clearcoat(share(clearcoat_gloss)),
                 .eta = eta,
                 .base = base,
@@ -69,8 +75,13 @@ struct Principled {
                 .surface_roughness = rough,
                 .flatness = share(flatness),
                 .sheen = disney::Tint(base, share(sheen_tint)) * ((1 - m) * share(sheen)),
-                .coat_share = share(clearcoat) / 4};
+                .coat_share = share(clearcoat) / 4,
+                .lost = lost_.get()};
     }
+
+private:
+    static constexpr float least_alpha = 1e-3f;
+    std::shared_ptr<const LostLight> lost_;
 };
 
 } // namespace lajolla

@@ -31,25 +31,26 @@ struct PrincipledLobe {
     float diffuse, surface_roughness, flatness;
     disney::Tint sheen; // scaled by its share
     float coat_share;
+    const LostLight *lost = nullptr; // where multiple scattering counts
 
     float roughness() const {
         return diffuse > 0 || sheen.white > 0 || sheen.hue > 0 ? 1 : glossy_roughness();
     }
 
     [[gnu::noinline]] BsdfEval eval(const Vec3f &wo, const Vec3f &wi) const {
-        return wo.z > 0 ? eval_above(wo, wi, true, choice(wo.z))
+        return wo.z > 0 ? eval_above(wo, wi, true, choice(wo))
                         : eval_above(mirror(wo), mirror(wi), false, {0, 0, 1});
     }
     [[gnu::noinline]] std::optional<BsdfSample> sample(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
-        if (wo.z > 0) return sample_above(wo, u_lobe, u, true, choice(wo.z));
+        if (wo.z > 0) return sample_above(wo, u_lobe, u, true, choice(wo));
         auto s = sample_above(mirror(wo), u_lobe, u, false, {0, 0, 1});
         if (s) s->wi = mirror(s->wi);
         return s;
     }
 
 private:
-    struct Choice { // probabilities
-        float diffuse, coat, surface;
+    struct Choice {                   // probabilities
+        float diffuse, coat, surface; // the first with the lost light
     };
     // The two ways on from a facet.
     struct Split {
@@ -77,14 +78,23 @@ private:
         return {r, t, p_r / total, p_t / total, p_r + p_t, cos_t, w};
     }
 
+    // What becomes of the light along wo that the reflection seen from outside loses, as a lobe over
+    // L(wi) cos(wi) / pi. Refracted light that is lost stays so.
+    [[gnu::noinline]] Spectrum regained(const Vec3f &wo) const {
+        const Spectrum untinted(dielectric * fresnel_diffuse_reflectance(eta));
+        const Spectrum f = min(disney::schlick_mean(metal, Spectrum(metal_edge)) + untinted, Spectrum(1));
+        return regained_by_reflection(f, lost->mean(surface)) * (*lost)(surface, wo);
+    }
+
     // The parts are chosen by estimates of what they scatter towards wo. Facets that are seen at grazing
     // angles are tilted: the rougher, the more.
-    Choice choice(float cos_o) const {
+    Choice choice(Vec3f wo) const {
+        const float cos_o = wo.z;
         const float alpha2 = sqr(surface.roughness());
         const float s = split(std::sqrt((sqr(cos_o) + alpha2) / (1 + alpha2)), true).total;
         const float w = disney::schlick_weight(cos_o);
         const float d = mean(base) * diffuse * (1 + (surface_roughness - 0.5f) * w) +
-                        mean(sheen(base)) * disney::sheen_albedo(cos_o);
+                        mean(sheen(base)) * disney::sheen_albedo(cos_o) + (lost ? mean(regained(wo)) : 0);
         const float c = coat_share * coat.fresnel(w) * Rules::clearcoat(cos_o, cos_o) * 4 * cos_o;
         const float total = std::max(s + d + c, 1e-30f);
         return {d / total, c / total, s / total};
@@ -105,6 +115,7 @@ private:
             e.f_cos +=
                 base * (diffuse * cosine * disney::diffuse(wo.z, wi.z, cos_d, surface_roughness, flatness));
         e.f_cos += sheen(base) * (disney::schlick_weight(cos_d) * wi.z);
+        if (lost) e.f_cos += regained(wo) * ((*lost)(surface, wi) * cosine);
         e.pdf += cosine * p.diffuse;
         if (coat_share > 0) {
             const float d = coat.density(m);

@@ -1,8 +1,11 @@
 #pragma once
 
+#include <memory>
+
 #include "base/warp.h"
 #include "scatter/disney.h"
 #include "scatter/fresnel.h"
+#include "scatter/multiscatter.h"
 
 namespace lajolla {
 
@@ -13,6 +16,7 @@ struct PrincipledThin {
     Texture<Spectrum> base_color{Spectrum(0.5f)};
     Texture<float> roughness{0.5f}, anisotropic{0}, spec_trans{0}, eta{1.5f}, spec_tint{0}, sheen{0},
         sheen_tint{0}, flatness{0}, diff_trans{0};
+    bool multiscatter = false;
 
     static constexpr auto fields() {
         return std::tuple(
@@ -35,7 +39,10 @@ struct PrincipledThin {
                 .range(0, 1),
             field("diff_trans", &PrincipledThin::diff_trans,
                   "0 reflects all diffuse light, 2 transmits all of it")
-                .range(0, 2));
+                .range(0, 2),
+            field("multiscatter", &PrincipledThin::multiscatter,
+                  "give back the light that bounces between microfacets, where eta is a number and "
+                  "anisotropic is 0"));
     }
 
     struct Lobe {
@@ -47,6 +54,7 @@ struct PrincipledThin {
         float spec_tint, glass; // share of that, and of the specular part altogether
         float diffuse, diffuse_through, surface_roughness, flatness; // shares and shape of the rest
         disney::Tint sheen;
+        const LostLight *lost = nullptr; // where multiple scattering counts
 
         float roughness() const {
             return diffuse > 0 || diffuse_through > 0 ? 1 : std::max(front.roughness(), through.roughness());
@@ -54,7 +62,7 @@ struct PrincipledThin {
 
         // Both sides are alike.
         [[gnu::noinline]] BsdfEval eval(const Vec3f &wo, const Vec3f &wi) const {
-            return wo.z > 0 ? eval_above(wo, wi, choice(wo.z)) : eval_above(-wo, -wi, choice(-wo.z));
+            return wo.z > 0 ? eval_above(wo, wi, choice(wo)) : eval_above(-wo, -wi, choice(-wo));
         }
         [[gnu::noinline]] std::optional<BsdfSample> sample(const Vec3f &wo, float u_lobe,
                                                            const Vec2f &u) const {
@@ -65,8 +73,8 @@ struct PrincipledThin {
         }
 
     private:
-        struct Choice { // probabilities
-            float reflect, transmit, diffuse, diffuse_through;
+        struct Choice {                                        // probabilities
+            float reflect, transmit, diffuse, diffuse_through; // the last two with the lost light
         };
 
         static Vec3f mirror(Vec3f w) { return {w.x, w.y, -w.z}; }
@@ -80,17 +88,30 @@ struct PrincipledThin {
             return base * (1 - fresnel_dielectric(cos_d, eta).reflectance);
         }
 
+        // Of the lost light: the fraction that is reflected in the end, as much as at a smooth boundary.
+        float reflecting() const { return fresnel_diffuse_reflectance(eta); }
+        [[gnu::noinline]] float lost_light(const Vec3f &wo, const Vec3f &wi) const { // over cos / pi
+            const float mean = std::max(lost->mean(front), 1e-6f);
+            return glass * (*lost)(front, wo) * (*lost)(front, wi) / mean;
+        }
+
         // By estimates of what the parts scatter towards wo. Facets seen at grazing angles are tilted, the
         // rougher the more: the mean of level and tilted ones.
-        Choice choice(float cos_o) const {
+        Choice choice(Vec3f wo) const {
+            const float cos_o = wo.z;
             const float alpha2 = sqr(front.roughness());
             const float tilted = std::sqrt((sqr(cos_o) + alpha2) / (1 + alpha2));
             const float r = glass / 2 * mean(reflectance(cos_o) + reflectance(tilted));
             const float t = glass / 2 * mean(transmittance(cos_o) + transmittance(tilted));
             const float w = disney::schlick_weight(cos_o);
-            const float d = diffuse * (mean(base) * (1 + (surface_roughness - 0.5f) * w) +
-                                       mean(sheen(base)) * disney::sheen_albedo(cos_o));
-            const float d_t = diffuse_through * mean(base);
+            float d = diffuse * (mean(base) * (1 + (surface_roughness - 0.5f) * w) +
+                                 mean(sheen(base)) * disney::sheen_albedo(cos_o));
+            float d_t = diffuse_through * mean(base);
+            if (lost) {
+                const float regained = glass * (*lost)(front, wo);
+                d += regained * reflecting();
+                d_t += regained * (1 - reflecting()) * mean(base);
+            }
             const float total = std::max(r + t + d + d_t, 1e-30f);
             return {r / total, t / total, d / total, d_t / total};
         }
@@ -110,6 +131,7 @@ struct PrincipledThin {
                 e.f_cos += reflectance(cos_d) * (glass * density * front.masking(wi));
                 e.pdf += density * p.reflect;
             }
+            if (lost) e.f_cos += Spectrum(lost_light(wo, wi) * reflecting() * cosine);
             return e;
         }
         // Specular transmission is reflection turned to the other side, by a surface whose roughness depends
@@ -117,6 +139,7 @@ struct PrincipledThin {
         BsdfEval eval_transmitted(Vec3f wo, Vec3f wi, Choice p) const {
             const float cosine = cosine_hemisphere_pdf(-wi.z);
             BsdfEval e{base * (diffuse_through * cosine), cosine * p.diffuse_through};
+            if (lost) e.f_cos += base * (lost_light(wo, mirror(wi)) * (1 - reflecting()) * cosine);
             if (glass > 0) {
                 const auto [m, cos_d] = disney::halfway(wo, mirror(wi));
                 if (dot(wi, m) >= 0) return e;
@@ -129,7 +152,7 @@ struct PrincipledThin {
 
         std::optional<BsdfSample> sample_above(Vec3f wo, float u_lobe, Vec2f u) const {
             if (wo.z <= 0) return std::nullopt;
-            const Choice p = choice(wo.z);
+            const Choice p = choice(wo);
             const Microfacet &surface = u_lobe < p.reflect ? front : through;
             const bool specular = u_lobe < p.reflect + p.transmit;
             Vec3f wi;
@@ -150,15 +173,30 @@ struct PrincipledThin {
         }
     };
 
+    void build() {
+        if (!multiscatter) return;
+        if (!eta.is_constant() || anisotropic != Texture<float>(0)) // tables would need more coordinates
+            throw std::invalid_argument("multiscatter needs an eta that is a number, and anisotropic 0");
+        const auto loss = [index = index_of(eta.constant)](const Microfacet &surface, Vec3f w, int n) {
+            const float reflected = surface.mean_over_visible(
+                w, n, [&](Vec3f m) { return detail::reflected_fraction(surface, w, m, index); });
+            const Microfacet beyond = through(std::sqrt(surface.larger_alpha()), 0, index);
+            const float transmitted = beyond.mean_over_visible(
+                w, n, [&](Vec3f m) { return transmitted_fraction(beyond, w, m, index); });
+            return std::max(1 - reflected - transmitted, 0.0f);
+        };
+        lost_ = std::make_shared<LostLight>(front(disney::fraction(roughness.constant), 0),
+                                            !roughness.is_constant(), loss);
+    }
+
     [[gnu::noinline]] Lobe prepare(const auto &read) const {
         const auto share = [&](const Texture<float> &texture) { return disney::fraction(read(texture)); };
         const Spectrum base = disney::colour(read(base_color));
         const float rough = share(roughness), stretch = share(anisotropic), tint = share(spec_tint);
-        const float index = std::min(std::max(1e-3f, read(eta)), 1e3f), t = share(spec_trans);
+        const float index = index_of(read(eta)), t = share(spec_trans);
         const float passing = disney::fraction(read(diff_trans) / 2);
-        const float widening = 0.65f * index - 0.35f; // Burley 2015, figure 15
-        return {.front = disney::microfacets(rough, stretch, 1e-3f),
-                .through = disney::microfacets(rough * widening, stretch, 1e-3f),
+        return {.front = front(rough, stretch),
+                .through = through(rough, stretch, index),
                 .eta = index,
                 .base = base,
                 .tinted = disney::Tint(base, 1)(base) * (tint * disney::reflectance_of_index(index)),
@@ -168,8 +206,27 @@ struct PrincipledThin {
                 .diffuse_through = (1 - t) * passing,
                 .surface_roughness = rough,
                 .flatness = share(flatness),
-                .sheen = disney::Tint(base, share(sheen_tint)) * share(sheen)};
+                .sheen = disney::Tint(base, share(sheen_tint)) * share(sheen),
+                .lost = lost_.get()};
     }
+
+private:
+    static float index_of(float eta) { return std::min(std::max(1e-3f, eta), 1e3f); }
+    static Microfacet front(float roughness, float stretch) {
+        return disney::microfacets(roughness, stretch, 1e-3f);
+    }
+    static Microfacet through(float roughness, float stretch, float index) {
+        const float widening = 0.65f * index - 0.35f; // Burley 2015, figure 15
+        return disney::microfacets(roughness * widening, stretch, 1e-3f);
+    }
+    // Of light along w on a facet of normal m, without tint: what Lobe::eval_transmitted makes of it.
+    static float transmitted_fraction(const Microfacet &surface, Vec3f w, Vec3f m, float index) {
+        const Vec3f wi = reflect(w, m); // mirrored then
+        const bool passes = wi.z > 0 && dot(Vec3f{wi.x, wi.y, -wi.z}, m) < 0;
+        return passes ? (1 - fresnel_dielectric(dot(w, m), index).reflectance) * surface.masking(wi) : 0;
+    }
+
+    std::shared_ptr<const LostLight> lost_;
 };
 
 } // namespace lajolla

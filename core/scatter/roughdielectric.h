@@ -42,6 +42,20 @@ struct RoughDielectric {
     // What single scattering loses on either side of the boundary.
     struct Losses {
         LostLight above, below;
+
+        Losses(const Microfacet &surface, bool varies, float eta)
+            : above(surface, varies, Loss{eta}), below(surface, varies, Loss{1 / eta}) {}
+
+    private:
+        struct Loss {
+            float beyond;
+            float operator()(const Microfacet &surface, Vec3f w, int n) const {
+                return surface.mean_over_visible(w, n, [&](Vec3f m) {
+                    return 1 - detail::reflected_fraction(surface, w, m, beyond) -
+                           detail::transmitted_fraction(surface, w, m, beyond);
+                });
+            }
+        };
     };
 
     struct Lobe {
@@ -195,8 +209,8 @@ struct RoughDielectric {
         if (!(alpha_u == alpha_v)) // total reflection makes the loss a function that tables do not hold
             throw std::invalid_argument(
                 "multiscatter is for equal roughness along both tangents; alpha_u and alpha_v differ");
-        const float eta = int_ior / ext_ior;
-        lost_ = std::make_shared<Losses>(Losses{losses(eta), losses(1 / eta)});
+        lost_ = std::make_shared<Losses>(Microfacet(distribution, alpha_u.constant, alpha_v.constant),
+                                         !alpha_u.is_constant(), int_ior / ext_ior);
     }
     Lobe prepare(const auto &read) const {
         return {{distribution, read(alpha_u), read(alpha_v)},
@@ -207,13 +221,6 @@ struct RoughDielectric {
     }
 
 private:
-    LostLight losses(float beyond) const {
-        return {distribution, alpha_u, alpha_v, [beyond](const Microfacet &surface, Vec3f w, Vec3f m) {
-                    return 1 - detail::reflected_fraction(surface, w, m, beyond) -
-                           detail::transmitted_fraction(surface, w, m, beyond);
-                }};
-    }
-
     std::shared_ptr<const Losses> lost_;
 };
 
