@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from reader_tools import write_scene
 
 import lajolla
-from lajolla.scene import describe
+from lajolla.scene import describe, load_description
 
 HUGE = 10**400  # more than a float holds
 NAN, INFINITY = float("nan"), float("inf")
@@ -123,3 +125,23 @@ def test_filters(rfilter: dict[str, Any]) -> None:
     description = describe(scene_with(sensor={"type": "perspective", "film": film}))
     assert description.core["rfilter"] == rfilter
     assert not [w for w in description.warnings if "no light" not in w.message]
+
+
+def test_dicts_give_back_light_between_microfacets_and_files_do_not(tmp_path: Path) -> None:
+    def multiscatter(**bsdf: object) -> bool:
+        description = describe(scene_with(ball={"type": "sphere", "bsdf": bsdf}))
+        lajolla._core.Scene(description.core)
+        return description.core["bsdfs"][0].get("multiscatter", False)
+
+    for name in ("roughconductor", "roughdielectric", "roughplastic"):
+        assert multiscatter(type=name, alpha=0.4)
+        assert not multiscatter(type=name, alpha=0.4, multiscatter=False)
+        bsdf = f'<bsdf type="{name}"><float name="alpha" value="0.4"/></bsdf>'
+        for version in ("0.6.0", "3.0.0"):
+            scene = write_scene(tmp_path, f'<shape type="sphere">{bsdf}</shape>', version)
+            assert not load_description(scene).core["bsdfs"][0].get("multiscatter", False)
+    assert multiscatter(type="roughconductor", alpha_u=0.4, alpha_v=0.1)
+    assert multiscatter(type="roughdielectric", alpha_u=0.4, alpha_v=0.4)
+    assert not multiscatter(type="roughdielectric", alpha_u=0.4, alpha_v=0.2)
+    assert not multiscatter(type="roughdielectric", alpha_u=0.4)
+    assert not multiscatter(type="principled")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,11 +19,14 @@ from .schema import Content, Plugin
 from .substitutes import SUBSTITUTES
 from .typed import Tree
 
+LOSSY = ("roughconductor", "roughdielectric", "roughplastic")  # where microfacets shadow each other
+
 
 def nodes_from_dict(
     scene: Mapping[str, Any], base_path: Path, table: Mapping[str, Mapping[str, Plugin]]
 ) -> Tree:
-    """The nodes of a scene dict. Every key of the root is the id of its object.
+    """The nodes of a scene dict. Every key of the root is the id of its object. Rough surfaces give back the
+    light that bounces between microfacets unless they say otherwise.
 
     Raises:
         SceneError: no "type", an unknown one, or a value of a type that scenes do not have.
@@ -35,7 +38,27 @@ def nodes_from_dict(
     root = Node("scene", "scene", Location(source), Location(source))
     reader.tree = Tree(root, nodes=[root])
     reader.properties(scene, root, [])
+    _give_back_lost_light(reader.tree.nodes)
     return reader.tree
+
+
+def _give_back_lost_light(nodes: Iterable[Node]) -> None:
+    """Turns `multiscatter` on where a dict leaves it open.
+
+    Scene files are Mitsuba's and look as they do there; dicts are our own. Glass whose roughness differs
+    between directions, or may do so, stays without: the model refuses that.
+    """
+    for node in nodes:
+        plugin = node.plugin.lower() if node.kind == "bsdf" else ""
+        if plugin in LOSSY and not (plugin == "roughdielectric" and _may_be_anisotropic(node)):
+            node.set_default("multiscatter", True)
+
+
+def _may_be_anisotropic(node: Node) -> bool:
+    given = [node.find(name) for name in ("alpha_u", "alpha_v")]
+    values = [prop.value for prop in given if prop is not None]
+    comparable = all(isinstance(value, int | float | Reference) for value in values)
+    return bool(values) and not (comparable and len(values) == 2 and values[0] == values[1])
 
 
 @dataclass
