@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from measured_tools import MEASUREMENTS
 from quadrature_tools import sphere
 from statistics_tools import Draws, Sampled, compare, generator, require, rounding_at, uniforms
 
@@ -42,6 +43,8 @@ def label(description: Settings) -> str:
     def text(value: object) -> str:
         if isinstance(value, dict):
             return label(value)
+        if isinstance(value, _core.Measurement):
+            return next(name for name, known in MEASUREMENTS.items() if known is value)
         return str(value) if isinstance(value, str | bool) else str(np.round(value, 3).tolist())
 
     settings = (f"{key}={text(value)}" for key, value in description.items() if key != "type")
@@ -128,6 +131,8 @@ def values_of(field: dict) -> list[object]:
             return [numbers[0], numbers[-1], [numbers[0], numbers[len(numbers) // 2], numbers[-1]]]
         case "bsdf":
             return [dict(base) for base in BASES]
+        case "measurement":
+            return list(MEASUREMENTS.values())
     raise NotImplementedError(f"no test values for fields of type {field['type']}")
 
 
@@ -143,6 +148,8 @@ BASES: tuple[Settings, ...] = (
 def random_value(field: dict, rng: np.random.Generator) -> object:
     if field["type"] == "bsdf":
         return dict(BASES[rng.integers(len(BASES))])
+    if field["type"] == "measurement":
+        return list(MEASUREMENTS.values())[rng.integers(len(MEASUREMENTS))]
     if field["type"] in ("choice", "boolean"):
         return rng.choice(values_of(field)).item()
     if field["type"].endswith("spectrum"):
@@ -167,7 +174,7 @@ def settings_of(name: str) -> list[Settings]:
     """
     fields = MODELS[name]["fields"]
     switches = [f for f in fields if f["type"] in ("choice", "boolean")]
-    colours = [f for f in fields if f["type"].endswith("spectrum") or f["type"] == "bsdf"]
+    colours = [f for f in fields if f["type"].endswith("spectrum") or f["type"] in ("bsdf", "measurement")]
     scalars = [f for f in fields if f not in switches and f not in colours]
     combinations = [
         {"type": name} | dict(zip((f["name"] for f in switches), values, strict=True))

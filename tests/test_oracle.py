@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_tools import synthetic, write_tensors
 from oracle import (
     Estimate,
     Setup,
@@ -99,6 +100,7 @@ BSDFS = {
         <float name="spec_trans" value="0.8"/><float name="roughness" value="0.3"/></bsdf>""",
     "principledthin": """<bsdf type="principledthin"><rgb name="base_color" value="0.3 0.8 0.2"/>
         <float name="spec_trans" value="0.4"/><float name="diff_trans" value="1"/></bsdf>""",
+    "measured": '<bsdf type="measured"><string name="filename" value="brushed.bsdf"/></bsdf>',
     "null": '<bsdf type="null"/>',
     "mask": f'<bsdf type="mask"><float name="opacity" value="0.3"/>{RED}</bsdf>',
     "mask-checkered": f'<bsdf type="mask">{CHECKER.format("opacity")}{RED}</bsdf>',
@@ -247,6 +249,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     normals = rng.integers([80, 80, 180], [180, 180, 256], (12, 9, 3))
     mi.Bitmap(normals.astype(np.uint8)).write(str(path / "normals.png"))
     mi.Bitmap(rng.integers(20, 256, (8, 16, 1), dtype=np.uint8)).write(str(path / "grey.png"))
+    write_tensors(path / "brushed.bsdf", synthetic(4))
     corners = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
     normals = [(-0.4, 0, 0.9), (0.4, 0.1, 0.9), (0.2, 0.3, 0.9), (-0.3, 0.3, 0.9)]
     uvs = [(0, 0), (1, 0), (1, 0.9), (0.1, 1)]

@@ -351,5 +351,5 @@ def test_told_and_rendered_otherwise(tmp_path: Path, body: str, message: str) ->
 
 
 def test_other_plugins_properties_are_not_told_one_by_one(tmp_path: Path) -> None:
-    body = SPHERE.format('<bsdf type="measured"><float name="metallic" value="1"/></bsdf>')
+    body = SPHERE.format('<bsdf type="irawan"><float name="metallic" value="1"/></bsdf>')
     assert len(messages(read(tmp_path, body), tmp_path)) == 1

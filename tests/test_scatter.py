@@ -49,6 +49,7 @@ ENERGY_GAIN: dict[str, tuple[float, str]] = {
 # Models with values that differ when light goes the other way, the field that makes them so, and why.
 NOT_RECIPROCAL: dict[str, tuple[str, str]] = {
     "hair": ("", "where a fibre is hit follows from wo alone; its scales point one way (Chiang et al. 2016)"),
+    "measured": ("", "each direction has a table of its own, of what was measured there"),
     "principledthin": (
         "spec_trans",
         "light that leaves behind its facet is left out, which depends on wo alone",

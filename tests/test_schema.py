@@ -13,7 +13,7 @@ SCHEMA = _core.schema()
 TYPES = {
     "float", "integer", "boolean", "choice", "string", "spectrum", "vector", "transform",
     "texture_float", "texture_spectrum", "material", "bsdf", "mesh", "curves", "image",
-    "volume_float", "volume_spectrum", "volume_matrix", "grid", "phase", "floats",
+    "volume_float", "volume_spectrum", "volume_matrix", "grid", "phase", "floats", "measurement",
 }  # fmt: skip
 KINDS = {
     "bsdf", "adapter", "texture", "emitter", "shape", "sensor", "film", "rfilter", "sampler", "integrator",
@@ -58,7 +58,7 @@ def test_defaults_are_within_their_range(field: dict) -> None:
     if field["type"] == "choice":
         assert field["default"] in field["choices"]
         return
-    if field["type"] in ("string", "bsdf", "mesh", "curves", "image", "grid"):
+    if field["type"] in ("string", "bsdf", "mesh", "curves", "image", "grid", "measurement"):
         assert field["minimum"] is None and field["maximum"] is None
         return
     numbers = numbers_of(field["default"])

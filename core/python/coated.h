@@ -2,6 +2,7 @@
 // How descriptions carry a BSDF inside another.
 
 #include "python/describe.h"
+#include "python/measurement.h"
 #include "scatter/bsdfs.h"
 
 namespace lajolla {

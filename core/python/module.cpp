@@ -1,6 +1,7 @@
 #include <nanobind/nanobind.h>
 
 #include "python/describe.h"
+#include "python/measurement.h"
 #include "python/media.h"
 #include "python/meshes.h"
 #include "python/scene.h"
@@ -18,6 +19,7 @@ NB_MODULE(_core, m) {
           "'maximum', 'unit', 'choices', 'doc'}]}}}.");
     lajolla::bind_meshes(m);
     lajolla::bind_grids(m);
+    lajolla::bind_measurements(m);
     lajolla::bind_scene(m);
     lajolla::bind_statistics(m);
 }

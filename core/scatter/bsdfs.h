@@ -16,6 +16,7 @@
 #include "scatter/disneymetal.h"
 #include "scatter/disneysheen.h"
 #include "scatter/hair.h"
+#include "scatter/measured.h"
 #include "scatter/null.h"
 #include "scatter/phong.h"
 #include "scatter/plastic.h"
@@ -34,7 +35,7 @@ namespace lajolla {
 using BareBsdf = std::variant<Diffuse, Dielectric, ThinDielectric, RoughDielectric, Conductor, RoughConductor,
                               Plastic, RoughPlastic, Principled, PrincipledThin, DisneyBsdf, DisneyDiffuse,
                               DisneyMetal, DisneyGlass, DisneyClearcoat, DisneySheen, RoughDiffuse,
-                              DiffuseTransmitter, Phong, Ward, Hair, Null>;
+                              DiffuseTransmitter, Phong, Ward, Hair, Measured, Null>;
 
 namespace detail {
 // The variant of the lobes, each of them once: models may share one.

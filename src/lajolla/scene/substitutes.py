@@ -16,7 +16,6 @@ SUBSTITUTES = {
     "bsdf": {
         "hk": "diffuse",
         "irawan": "diffuse",
-        "measured": "diffuse",
         "roughconductorggx": "roughconductor",
         "roughdielectricggx": "roughdielectric",
     },

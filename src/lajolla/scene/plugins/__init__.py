@@ -12,6 +12,7 @@ from . import (
     fields,
     films,
     integrators,
+    measured,
     media,
     meshes,
     sensors,
@@ -23,6 +24,7 @@ from . import (
 READER_PLUGINS: tuple[Plugin, ...] = (
     *bsdfs.PLUGINS,
     *disney.PLUGINS,
+    *measured.PLUGINS,
     *adapters.PLUGINS,
     *colours.PLUGINS,
     *textures.PLUGINS,

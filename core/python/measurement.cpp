@@ -1,0 +1,71 @@
+#include "python/measurement.h"
+
+#include "python/arrays.h"
+
+namespace lajolla {
+
+namespace {
+
+using namespace nb::literals;
+
+template <std::size_t N>
+using Tensor = nb::ndarray<const float, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
+
+// Of the axes `rows` and the next.
+SquareGrid grid_of(const auto &tensor, std::size_t rows) {
+    if (std::max(tensor.shape(rows), tensor.shape(rows + 1)) > (1u << 20))
+        throw std::invalid_argument("a measurement has at most a million nodes along an axis");
+    return {static_cast<std::uint32_t>(tensor.shape(rows + 1)),
+            static_cast<std::uint32_t>(tensor.shape(rows))};
+}
+
+std::vector<float> nodes_of(const auto &tensor) {
+    std::vector<float> nodes(tensor.data(), tensor.data() + tensor.size());
+    if (!std::all_of(nodes.begin(), nodes.end(), [](float v) { return std::isfinite(v); }))
+        throw std::invalid_argument("a measurement must be finite");
+    return nodes;
+}
+
+// What noise made negative is zero.
+std::vector<float> densities_of(const auto &tensor) {
+    std::vector<float> nodes = nodes_of(tensor);
+    for (float &v : nodes) v = std::max(v, 0.0f);
+    return nodes;
+}
+
+std::shared_ptr<Measurement> make_measurement(const Tensor<1> &phi, const Tensor<1> &theta,
+                                              const Tensor<2> &ndf, const Tensor<2> &sigma,
+                                              const Tensor<4> &vndf, const Tensor<4> &luminance,
+                                              const Tensor<5> &colour, bool jacobian) {
+    for (const auto &[p, t] :
+         {std::pair(vndf.shape(0), vndf.shape(1)), std::pair(luminance.shape(0), luminance.shape(1)),
+          std::pair(colour.shape(0), colour.shape(1))})
+        if (p != phi.size() || t != theta.size())
+            throw std::invalid_argument("the tables are not of as many directions as there are");
+    if (colour.shape(4) != 3) throw std::invalid_argument("the colours do not have three channels");
+    MeasuredTables tables{nodes_of(phi),
+                          nodes_of(theta),
+                          {grid_of(ndf, 0), densities_of(ndf)},
+                          {grid_of(sigma, 0), densities_of(sigma)},
+                          {grid_of(vndf, 2), densities_of(vndf)},
+                          {grid_of(luminance, 2), densities_of(luminance)},
+                          {grid_of(colour, 2), {}},
+                          jacobian};
+    const std::vector<float> channels = densities_of(colour);
+    for (std::size_t i = 0; i < channels.size(); i += 3)
+        tables.colour.nodes.emplace_back(channels[i], channels[i + 1], channels[i + 2]);
+    return std::make_shared<Measurement>(std::move(tables));
+}
+
+} // namespace
+
+void bind_measurements(nb::module_ &m) {
+    nb::class_<Measurement>(m, "Measurement", "The tables of a measured material.")
+        .def(nb::new_(&make_measurement), "phi"_a, "theta"_a, "ndf"_a, "sigma"_a, "vndf"_a, "luminance"_a,
+             "colour"_a, "jacobian"_a = true,
+             "float32 arrays as RGL files have them: phi (P,) and theta (T,) of the known direction, ndf and "
+             "sigma (H, W), vndf and luminance (P, T, H, W), and linear sRGB colour (P, T, H, W, 3).")
+        .def_prop_ro("roughness", &Measurement::roughness);
+}
+
+} // namespace lajolla
