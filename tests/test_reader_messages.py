@@ -334,13 +334,6 @@ CHECKERBOARD = '<texture type="checkerboard" name="eta"/>'
             '"eta" of bsdf "conductor" is a texture, which is not divided by "ext_eta"',
         ),
         (
-            SPHERE.format(
-                '<bsdf type="twosided"><bsdf type="diffuse"/>'
-                '<bsdf type="mask"><bsdf type="diffuse"/></bsdf></bsdf>'
-            ),
-            "have different holes",
-        ),
-        (
             SPHERE.format('<bsdf type="difuse"><float name="shine" value="1"/></bsdf>'),
             'no use for the property "shine"',
         ),

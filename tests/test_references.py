@@ -28,12 +28,6 @@ RGB_TO_XYZ = np.array(
     [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
 )
 
-# What each scene waits for: a line goes when its plugin arrives.
-NEEDS = {
-    "test_homo_area_light_volpath": "shadow rays through thindielectric, to have no more noise",
-    "test_homo_emitter_inside_medium_volpath": "shadow rays through thindielectric",
-}
-
 
 def scene_files() -> list[Path]:
     """Every scene that has a reference image and its variance."""
@@ -90,15 +84,8 @@ def test_the_reference_images_are_here() -> None:
         pytest.fail(message) if os.environ.get("CI") else pytest.skip(message)
 
 
-def test_every_reason_names_a_scene() -> None:
-    if scene_files():
-        assert set(NEEDS) <= {scene.stem for scene in scene_files()}
-
-
 @pytest.mark.parametrize("scene", scene_files(), ids=lambda scene: scene.stem)
 def test_reference(scene: Path) -> None:
-    if scene.stem in NEEDS:
-        pytest.skip(f"needs {NEEDS[scene.stem]}")
     import lajolla
 
     mean, variance = (read_xyz(file) for file in references(scene))

@@ -37,7 +37,7 @@ DirectSample sample_light(const Scene &scene, Index index, Vec3f p, Vec3f u) {
 // Whether a light's sample is seen from p, as a path's shadow ray finds out.
 bool sees(const Scene &scene, Tracer &tracer, Vec3f p, const DirectSample &sample) {
     const auto light = arrival(scene, tracer, MediumVertex{p, {}, {}}, sample, Vacuum());
-    return light && light->value() > 0;
+    return light && !is_black(light->value());
 }
 
 nb::dict emitter_sample_many(const RenderableScene &self, const Point &point, const Rows<3> &u, Index index) {

@@ -49,6 +49,14 @@ struct BsdfSample {
     bool is_delta() const { return kind == ScatterKind::specular || kind == ScatterKind::null; }
 };
 
+// Light that passes straight through. Lobes with a part of the kind `null` have `straight(wo) -> Passage`;
+// their sample() takes that part for the last `probability` of u_lobe, so that transport may decide
+// beforehand.
+struct Passage {
+    Spectrum transmitted{0}; // how much of the light
+    float probability = 0;   // of a path doing so; 0 only where no light does
+};
+
 constexpr float cos_theta(Vec3f w) { return w.z; }
 
 template <class Lobe>

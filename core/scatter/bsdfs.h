@@ -102,6 +102,18 @@ inline bool is_delta(const Bsdf &bsdf) {
 inline float roughness(const Lobe &lobe) {
     return match(lobe, [](const auto &l) { return l.roughness(); });
 }
+// What passes straight through.
+inline Passage passage(const Lobe &lobe, const Vec3f &wo) {
+    return match(lobe, [&](const auto &l) -> Passage {
+        if constexpr (requires { l.straight(wo); }) return l.straight(wo);
+        else return {};
+    });
+}
+inline bool lets_pass(const Bsdf &bsdf) {
+    return match(bsdf, [](const auto &model) {
+        return requires(const std::decay_t<decltype(model)>::Lobe &lobe) { lobe.straight(Vec3f()); };
+    });
+}
 // Whether a BSDF does not care where the tangent points.
 template <class Variant>
 bool is_isotropic(const Variant &bsdf) {

@@ -15,6 +15,7 @@ struct Null {
         static constexpr bool transmissive = true, delta = true;
 
         float roughness() const { return 0; }
+        Passage straight(Vec3f) const { return {Spectrum(1), 1}; }
         BsdfEval eval(Vec3f, Vec3f) const { return {}; }
         std::optional<BsdfSample> sample(Vec3f wo, float, Vec2f) const {
             return BsdfSample{-wo, Spectrum(1), 1, 1, ScatterKind::null};

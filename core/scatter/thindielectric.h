@@ -32,15 +32,25 @@ struct ThinDielectric {
         float roughness() const { return 0; }
         BsdfEval eval(Vec3f, Vec3f) const { return {}; }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f) const {
-            // Both faces together, with all reflections between them: f + (1-f)^2 f (1 + f^2 + f^4 + ...).
+        // Both faces together, with all reflections between them: f + (1-f)^2 f (1 + f^2 + f^4 + ...).
+        float sheet(Vec3f wo) const {
             const float face = fresnel_dielectric(std::abs(wo.z), eta).reflectance;
-            const float sheet = 2 * face / (1 + face);
-            const Spectrum r = reflectance * sheet, t = transmittance * (1 - sheet);
-            const float total = mean(r) + mean(t), p_r = mean(r) / total, p_t = mean(t) / total;
-            if (!(total > 0)) return std::nullopt;
-            if (u_lobe < p_r) return BsdfSample{{-wo.x, -wo.y, wo.z}, r / p_r, p_r, 1, ScatterKind::specular};
-            return BsdfSample{-wo, t / p_t, p_t, 1, ScatterKind::null};
+            return 2 * face / (1 + face);
+        }
+        Passage straight(Vec3f wo) const {
+            const float r = sheet(wo);
+            const Spectrum transmitted = transmittance * (1 - r);
+            const float t = mean(transmitted), total = mean(reflectance) * r + t;
+            return total > 0 ? Passage{transmitted, t / total} : Passage{};
+        }
+
+        std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f) const {
+            const Passage through = straight(wo);
+            const float p_r = 1 - through.probability, p_t = through.probability;
+            if (u_lobe >= p_r) return BsdfSample{-wo, through.transmitted / p_t, p_t, 1, ScatterKind::null};
+            const Spectrum r = reflectance * sheet(wo);
+            if (is_black(r)) return std::nullopt;
+            return BsdfSample{{-wo.x, -wo.y, wo.z}, r / p_r, p_r, 1, ScatterKind::specular};
         }
     };
 

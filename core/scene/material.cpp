@@ -36,12 +36,26 @@ Vec3f turned(const NormalMap &map, const TextureReader &read, const Hit &, Mappe
     return squared > 0 && std::isfinite(squared) ? n * (1 / std::sqrt(squared)) : normal.n;
 }
 
+void turn(const auto &map, const TextureReader &read, const Hit &hit, const Vec3f &wo, MappedNormal &normal) {
+    const Vec3f before = normal.n;
+    normal.n = turned(map, read, hit, normal);
+    if (map.flip_invalid_normals) normal.n = facing(normal.n, before, wo);
+    normal.turned_by_maps = true;
+    normal.shadowed |= map.use_shadowing_function;
+}
+
+// Two materials, the second of which has the share `weight`.
+Passage blend(float weight, const Passage &first, const Passage &second) {
+    return {first.transmitted * (1 - weight) + second.transmitted * weight,
+            lerp(weight, first.probability, second.probability)};
+}
+
 } // namespace
 
 Materials::Materials(std::vector<Material> materials, std::vector<Adapter> adapters,
                      std::span<const Bsdf> bsdfs)
-    : materials_(std::move(materials)), adapters_(std::move(adapters)) {
-    for (const Bsdf &bsdf : bsdfs) bsdf_passes_.push_back(std::holds_alternative<Null>(bsdf));
+    : materials_(std::move(materials)), adapters_(std::move(adapters)), bsdfs_(bsdfs) {
+    for (const Bsdf &bsdf : bsdfs) bsdf_passes_.push_back(lajolla::lets_pass(bsdf));
     std::vector<bool> clear; // adapters of BSDFs that light passes through, and no others
     const auto is_clear = [&](MaterialId id) {
         if (id.adapter >= 0) return bool(clear[static_cast<std::size_t>(id.adapter)]);
@@ -69,22 +83,35 @@ Materials::Materials(std::vector<Material> materials, std::vector<Adapter> adapt
             throw std::invalid_argument("a material is a mixture of more than 4096 materials");
     }
     for (Material &material : materials_) {
-        has_passages_ |= lets_pass(material.front);
         if (is_clear(material.front)) material.back = {};
+        has_passages_ |= lets_pass(material.front) || lets_pass(material.back);
     }
 }
 
-float Materials::passage(MaterialId id, const TextureReader &read) const {
-    if (!lets_pass(id)) return 0;
-    if (id.adapter < 0) return 1;
-    return match(adapter(id), [&](const auto &a) -> float {
+Passage Materials::passage(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
+                           MappedNormal normal) const {
+    if (!lets_pass(id)) return {};
+    if (id.adapter < 0) {
+        const auto [behind, geometric, n] = seen_from(wo, hit.normal, normal);
+        const float z = dot(n == geometric ? n : with_mirror_image_above(n, geometric, wo), wo);
+        return match(bsdfs_[static_cast<std::size_t>(id.bsdf)], [&](const auto &model) -> Passage {
+            if constexpr (requires { model.prepare(read).straight(wo); })
+                return model.prepare(read).straight({safe_sqrt(1 - z * z), 0, z});
+            else return {};
+        });
+    }
+    return match(adapter(id), [&](const auto &a) -> Passage {
         using Model = std::decay_t<decltype(a)>;
         if constexpr (std::is_same_v<Model, Blend>)
-            return lerp(std::clamp(read(a.weight), 0.0f, 1.0f), passage(a.first, read),
-                        passage(a.second, read));
+            return blend(std::clamp(read(a.weight), 0.0f, 1.0f), passage(a.first, read, hit, wo, normal),
+                         passage(a.second, read, hit, wo, normal));
         else if constexpr (std::is_same_v<Model, Mask>)
-            return lerp(std::clamp(read(a.opacity), 0.0f, 1.0f), 1.0f, passage(a.child, read));
-        else return passage(a.child, read);
+            return blend(std::clamp(read(a.opacity), 0.0f, 1.0f), {Spectrum(1), 1},
+                         passage(a.child, read, hit, wo, normal));
+        else {
+            turn(a, read, hit, wo, normal);
+            return passage(a.child, read, hit, wo, normal);
+        }
     });
 }
 
@@ -95,17 +122,15 @@ std::int32_t Materials::choose(MaterialId id, const TextureReader &read, const H
             using Model = std::decay_t<decltype(a)>;
             if constexpr (std::is_same_v<Model, Blend>) {
                 const float weight = std::clamp(read(a.weight), 0.0f, 1.0f);
-                const float first = (1 - weight) * (1 - passage(a.first, read));
-                const float second = weight * (1 - passage(a.second, read));
+                const auto stopped = [&](MaterialId child) {
+                    return 1 - passage(child, read, hit, wo, normal).probability;
+                };
+                const float first = (1 - weight) * stopped(a.first), second = weight * stopped(a.second);
                 id = passes(first + second > 0 ? second / (first + second) : 0, u) ? a.second : a.first;
-            } else if constexpr (requires { a.flip_invalid_normals; }) {
-                const Vec3f before = normal.n;
-                normal.n = turned(a, read, hit, normal);
-                if (a.flip_invalid_normals) normal.n = facing(normal.n, before, wo);
-                normal.turned_by_maps = true;
-                normal.shadowed |= a.use_shadowing_function;
+            } else {
+                if constexpr (!std::is_same_v<Model, Mask>) turn(a, read, hit, wo, normal);
                 id = a.child;
-            } else id = a.child;
+            }
         });
     return id.bsdf;
 }

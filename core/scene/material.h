@@ -98,8 +98,8 @@ using Adapter = std::variant<Blend, Mask, BumpMap, NormalMap>;
 class Materials {
 public:
     Materials() = default;
-    // Ids are in range, and adapters hold earlier adapters only. Throws std::invalid_argument for trees that
-    // are too large.
+    // Ids are in range, and adapters hold earlier adapters only; `bsdfs` stay where they are. Throws
+    // std::invalid_argument for trees that are too large.
     Materials(std::vector<Material> materials, std::vector<Adapter> adapters, std::span<const Bsdf> bsdfs);
 
     const Material &operator[](std::int32_t id) const { return materials_[static_cast<std::size_t>(id)]; }
@@ -107,8 +107,9 @@ public:
     // Whether anything passes straight through any material.
     bool has_passages() const { return has_passages_; }
 
-    // The fraction of light that passes straight through.
-    float passage(MaterialId id, const TextureReader &read) const;
+    // The light that passes straight through, seen from `wo`. `normal` is that before maps turn it.
+    Passage passage(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
+                    MappedNormal normal) const;
 
     // The BSDF that scatters what does not pass straight through, chosen with the probability of its share of
     // it by a uniform number; -1 for black. Maps on the way to it turn the normal.
@@ -128,6 +129,7 @@ private:
 
     std::vector<Material> materials_;
     std::vector<Adapter> adapters_;
+    std::span<const Bsdf> bsdfs_;
     std::vector<bool> bsdf_passes_, adapter_passes_;
     bool has_passages_ = false;
 };

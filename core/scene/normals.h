@@ -58,6 +58,16 @@ inline Vec3f seen_from_above(Vec3f n, Vec3f ng, Vec3f wo) {
     return z >= lowest ? n : normalize(n + wo * (lowest - z));
 }
 
+// Normals on the viewer's side.
+struct SeenNormals {
+    bool behind; // the viewer is behind the surface
+    Vec3f geometric, shading;
+};
+inline SeenNormals seen_from(Vec3f wo, Vec3f geometric, const MappedNormal &normal) {
+    const bool behind = dot(geometric, wo) < 0;
+    return {behind, behind ? -geometric : geometric, behind && !normal.mirrored ? -normal.n : normal.n};
+}
+
 constexpr float tangent_squared(float cosine) {
     return std::max(1 - sqr(cosine), 0.0f) / std::max(sqr(cosine), 1e-12f);
 }

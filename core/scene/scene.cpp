@@ -51,7 +51,7 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
 
     for (const Bsdf &bsdf : parts_.bsdfs)
         bsdf_traits_.push_back({is_transmissive(bsdf), is_isotropic(bsdf), is_delta(bsdf),
-                                std::holds_alternative<Diffuse>(bsdf)});
+                                std::holds_alternative<Diffuse>(bsdf), lets_pass(bsdf)});
     for (const TextureModel &texture : parts_.textures)
         if (const auto *bitmap = std::get_if<Bitmap>(&texture))
             reads_footprints_ |= bitmap->reads_footprints();
@@ -91,31 +91,36 @@ void Scene::fill_in_instance(const Ray &ray, const RayHit &found, Hit &hit) cons
     instance.place(hit);
 }
 
-Scene::Choice Scene::choose(const Hit &hit, const Vec3f &wo, float u) const {
-    Choice choice{-1, false, {hit.shading_normal, hit.dp_du, false}};
-    if (hit.material < 0) return choice;
+Scene::Side Scene::side(const Hit &hit, const Vec3f &wo) const {
+    const MappedNormal front{hit.shading_normal, hit.dp_du, false};
+    if (hit.material < 0) return {{}, false, front};
     const Material &material = materials_[hit.material];
-    choice.turned = dot(hit.normal, wo) < 0 && !(material.back == MaterialId{});
-    if (choice.turned) choice.normal = {-hit.shading_normal, hit.dp_du, true};
-    const MaterialId root = choice.turned ? material.back : material.front;
-    choice.bsdf =
-        root.adapter < 0 ? root.bsdf : materials_.choose(root, sharp_reader(hit), hit, wo, u, choice.normal);
+    if (dot(hit.normal, wo) >= 0 || material.back == MaterialId{}) return {material.front, false, front};
+    return {material.back, true, {-hit.shading_normal, hit.dp_du, true}};
+}
+
+Scene::Choice Scene::choose(const Hit &hit, const Vec3f &wo, float u) const {
+    const Side seen = side(hit, wo);
+    Choice choice{seen.root.bsdf, seen.turned, seen.normal};
+    if (seen.root.adapter >= 0)
+        choice.bsdf = materials_.choose(seen.root, sharp_reader(hit), hit, wo, u, choice.normal);
     return choice;
 }
 
 Surface Scene::surface(const Hit &hit, const Vec3f &wo, float u) const {
     const auto [id, turned, normal] = choose(hit, wo, u);
-    const bool behind = dot(hit.normal, wo) < 0;
     if (id < 0) return {};
+    const SeenNormals seen = seen_from(wo, hit.normal, normal);
+    const bool behind = seen.behind;
     const BsdfTraits traits = bsdf_traits_[static_cast<std::size_t>(id)];
     if (behind && !turned && !traits.transmissive) return {};
 
     // Towards the viewer, until it is known whether the lobe tells the sides apart.
-    const Vec3f geometric = behind ? -hit.normal : hit.normal;
-    Vec3f n = behind && !turned ? -normal.n : normal.n;
-    const bool bent = !(n == geometric);
+    Vec3f n = seen.shading;
+    const bool bent = !(n == seen.geometric);
     if (bent)
-        n = traits.lambertian ? seen_from_above(n, geometric, wo) : with_mirror_image_above(n, geometric, wo);
+        n = traits.lambertian ? seen_from_above(n, seen.geometric, wo)
+                              : with_mirror_image_above(n, seen.geometric, wo);
     if (behind && traits.transmissive) n = -n;
     const Frame frame = traits.isotropic ? frame_around(n) : frame_along(n, normal.tangent);
     Bend bend{bent};
@@ -130,7 +135,8 @@ Surface Scene::surface(const Hit &hit, const Vec3f &wo, float u) const {
     // that samples of lights would only cost time; lights without area need them still.
     const float sharpest = picker_.has_delta_lights() ? 0 : 5e-4f;
     const Bsdf &bsdf = parts_.bsdfs[static_cast<std::size_t>(id)];
-    return {bsdf, filtered_reader(hit, wo), traits.delta, sharpest, frame, wo, bend};
+    const TextureReader read = traits.lets_pass ? sharp_reader(hit) : filtered_reader(hit, wo);
+    return {bsdf, read, traits.delta, traits.lets_pass, sharpest, frame, wo, bend};
 }
 
 Spectrum Scene::albedo(const Hit &hit, const Vec3f &wo, float u) const {
@@ -147,8 +153,9 @@ Vec3f Scene::mapped_normal(const Hit &hit, const Vec3f &wo, float u) const {
     return choice.turned ? -choice.normal.n : choice.normal.n;
 }
 
-float Scene::passage(const Hit &hit) const {
-    return hit.material < 0 ? 0 : materials_.passage(materials_[hit.material].front, sharp_reader(hit));
+Passage Scene::passage(const Hit &hit, const Vec3f &wo) const {
+    const auto [root, turned, normal] = side(hit, wo);
+    return materials_.passage(root, sharp_reader(hit), hit, wo, normal);
 }
 
 const Bitmap *Scene::first_bitmap(const Hit &hit) const {

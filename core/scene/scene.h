@@ -61,6 +61,7 @@ struct Bend {
 struct Surface {
     bool black = true;  // nothing is scattered: the rest is meaningless
     bool sharp = false; // sampling lights is of no use: only sampling the lobe finds where it scatters
+    float stopped = 1;  // the probability of not passing straight through
     Frame frame;
     Vec3f wo{0}; // local
     Lobe lobe;
@@ -68,14 +69,16 @@ struct Surface {
 
     Surface() = default;
     // Lobes of less than this roughness are sharp, too.
-    Surface(const Bsdf &bsdf, const auto &read, bool delta, float sharpest, const Frame &frame,
-            const Vec3f &wo, const Bend &bend)
+    Surface(const Bsdf &bsdf, const auto &read, bool delta, bool lets_pass, float sharpest,
+            const Frame &frame, const Vec3f &wo, const Bend &bend)
         : black(false), frame(frame), wo(frame.to_local(wo)), lobe(prepare(bsdf, read)), bend(bend) {
         sharp = delta || roughness(lobe) < sharpest;
+        if (lets_pass) stopped = 1 - passage(lobe, this->wo).probability;
     }
 };
 
-// The same as of lobes, along directions in world space.
+// The same as of lobes, along directions in world space. What passes straight through is left out: paths
+// have not.
 inline BsdfEval eval(const Surface &surface, const Vec3f &direction) {
     const Vec3f wi = surface.frame.to_local(direction);
     if (!surface.bend.bent) return eval(surface.lobe, surface.wo, wi);
@@ -86,9 +89,9 @@ inline BsdfEval eval(const Surface &surface, const Vec3f &direction) {
     return result;
 }
 inline std::optional<BsdfSample> sample(const Surface &surface, float u_lobe, const Vec2f &u) {
-    auto result = sample(surface.lobe, surface.wo, u_lobe, u);
+    auto result = sample(surface.lobe, surface.wo, u_lobe * surface.stopped, u);
     if (!result) return result;
-    if (surface.bend.bent && result->kind != ScatterKind::null) {
+    if (surface.bend.bent) {
         const float visible = surface.bend.visible(surface.wo, result->wi);
         result->weight *= visible;
         if (visible == 0) {
@@ -123,7 +126,8 @@ public:
     // Everything about a hit that the ray tracer found.
     Hit hit(const Ray &ray, const RayHit &found, const RayCone &cone) const;
 
-    // The lobe at a hit, seen from `wo` (world space). Of a blend it is one, chosen by the uniform number u.
+    // The lobe at a hit, seen from `wo` (world space), of a path that does not pass straight through. Of a
+    // blend it is one, chosen by the uniform number u.
     Surface surface(const Hit &hit, const Vec3f &wo, float u) const;
 
     // The diffuse colour at a hit: a parameter of materials that have one; of others pi times their value
@@ -132,9 +136,9 @@ public:
     // The shading normal as the material's maps turn it.
     Vec3f mapped_normal(const Hit &hit, const Vec3f &wo, float u) const;
 
-    // The fraction of light that passes straight through a hit: 1 - opacity, and all of it at a `null`
-    // surface.
-    float passage(const Hit &hit) const;
+    // The light that passes straight through a hit, seen from `wo`: 1 - opacity, all of it at a `null`
+    // surface, and what a pane of thin glass does not reflect.
+    Passage passage(const Hit &hit, const Vec3f &wo) const;
     // Whether any surface lets light pass, so that shadow rays must look at what they meet.
     bool has_passages() const { return materials_.has_passages(); }
 
@@ -157,6 +161,13 @@ private:
         MappedNormal normal;
     };
     Choice choose(const Hit &hit, const Vec3f &wo, float u) const;
+    // Which of a material's sides is seen, and the normal before maps turn it.
+    struct Side {
+        MaterialId root;
+        bool turned;
+        MappedNormal normal;
+    };
+    Side side(const Hit &hit, const Vec3f &wo) const;
     void fill_in_instance(const Ray &ray, const RayHit &found, Hit &hit) const;
     // Textures at a hit: over its footprint, seen from `wo`; or as sharp as they are, alike for all rays.
     TextureReader filtered_reader(const Hit &hit, const Vec3f &wo) const {
@@ -168,7 +179,7 @@ private:
 
     SceneParts parts_;
     struct BsdfTraits {
-        bool transmissive, isotropic, delta, lambertian;
+        bool transmissive, isotropic, delta, lambertian, lets_pass;
     };
     std::vector<BsdfTraits> bsdf_traits_;
     Materials materials_;

@@ -10,13 +10,12 @@ namespace lajolla {
 // the scene. What lets a ray pass straight through is not there; the random numbers are those of the path,
 // and so is `medium`, which is in its first state.
 template <class Medium>
-float coverage(const Scene &scene, Tracer &tracer, const Sampler &sampler, const CameraRay &camera,
-               bool hide_emitters, Medium medium) {
+float coverage(const Scene &scene, Tracer &tracer, const CameraRay &camera, bool hide_emitters,
+               Medium medium) {
     if (!hide_emitters && scene.lights().has_environment()) return 1;
     Ray ray = camera.ray;
     RayCone cone = camera.cone;
     float flight = camera.flight;
-    std::uint32_t block = 1; // of the sampler's numbers
     for (int passages = 0; passages <= max_passages; ++passages) {
         const auto found = tracer.closest(ray);
         if constexpr (Medium::present)
@@ -28,16 +27,8 @@ float coverage(const Scene &scene, Tracer &tracer, const Sampler &sampler, const
         if (!found) return 0;
         const Hit hit = scene.hit(ray, *found, cone);
         if (hit.emitter >= 0 && !hide_emitters) return 1;
-        const bool hidden = hit.emitter >= 0 && block == 1;
-        if (!hidden && !(scene.has_passages() && passes(scene.passage(hit), flight))) {
-            const Surface surface = scene.surface(hit, -ray.direction, flight);
-            if (surface.black) return 1;
-            const BounceSample u = sampler.bounce(block);
-            const auto scattered = sample(surface, u.lobe, u.bsdf_uv);
-            if (!scattered || scattered->kind != ScatterKind::null) return 1;
-            flight = u.flight;
-            medium.next_flight(sampler, ++block);
-        }
+        const bool hidden = hit.emitter >= 0;
+        if (!passes(passage_at(scene, hit, ray.direction, hidden).probability, flight)) return 1;
         ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
         cone = hit.footprint;
         medium.cross(hit, ray.direction);

@@ -50,38 +50,37 @@ namespace detail {
 // A ray's way to the first surface that does not let it pass, and the light met until then.
 struct Sight {
     std::optional<Hit> hit;
-    Spectrum light{0};
+    Spectrum light{0}, throughput{1};
     float u; // what is left of the random number that decided about passing
 };
 
-// Light counts weight(fraction, pdf()) times: `fraction` is the chance of coming that far through what lets
+// Light counts weight(reach, pdf()) times: `reach` is the chance of coming that far through what lets
 // rays pass, `pdf` the density of sampling the light from `origin`.
 template <class Weight>
 Sight look(const Scene &scene, Tracer &tracer, const Vec3f &origin, Ray ray, RayCone cone, float flight,
            bool hide_emitters, Weight &&weight) {
-    Sight sight{std::nullopt, Spectrum(0), flight};
-    float fraction = 1;
+    Sight sight{std::nullopt, Spectrum(0), Spectrum(1), flight};
+    float reach = 1;
     for (int passages = 0; passages <= max_passages; ++passages) {
         const auto found = tracer.closest(ray);
         if (!found) {
             if (!hide_emitters)
-                sight.light += scene.lights().environment(ray.direction) * weight(fraction, [&] {
-                                   return scene.lights().pdf_environment(ray.direction);
-                               });
+                sight.light += sight.throughput * scene.lights().environment(ray.direction) *
+                               weight(reach, [&] { return scene.lights().pdf_environment(ray.direction); });
             break;
         }
         const Hit hit = scene.hit(ray, *found, cone);
         const bool hidden = hide_emitters && hit.emitter >= 0;
         if (hit.emitter >= 0 && !hidden)
-            sight.light += scene.lights().emitted(hit, -ray.direction) * weight(fraction, [&] {
-                               return scene.lights().pdf_hit(origin, hit, ray.direction);
-                           });
-        const float passage = hidden ? 1 : scene.has_passages() ? scene.passage(hit) : 0;
-        if (!passes(passage, sight.u)) {
+            sight.light += sight.throughput * scene.lights().emitted(hit, -ray.direction) *
+                           weight(reach, [&] { return scene.lights().pdf_hit(origin, hit, ray.direction); });
+        const Passage passage = passage_at(scene, hit, ray.direction, hidden);
+        if (!passes(passage.probability, sight.u)) {
             sight.hit = hit;
             break;
         }
-        fraction *= passage;
+        sight.throughput *= passage.transmitted / passage.probability;
+        reach *= passage.probability;
         ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
         cone = hit.footprint;
     }
@@ -99,9 +98,9 @@ inline Spectrum Direct::sample_light(const Scene &scene, Tracer &tracer, const H
     if (is_black(bsdf.f_cos)) return Spectrum(0);
     const auto arrived = arrival(scene, tracer, vertex, light, Vacuum());
     if (!arrived) return Spectrum(0);
-    const float bsdf_pdf = light.delta ? 0 : bsdf.pdf * arrived->fraction;
+    const float bsdf_pdf = light.delta ? 0 : bsdf.pdf * arrived->reach;
     const float weight = share(emitter_samples, light.pdf, bsdf_samples, bsdf_pdf);
-    return bsdf.f_cos * light.radiance * (arrived->fraction * weight / (light.pdf * sqr(bsdf.eta)));
+    return bsdf.f_cos * light.radiance * arrived->fraction * (weight / (light.pdf * sqr(bsdf.eta)));
 }
 
 inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hit &hit,
@@ -110,8 +109,8 @@ inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hi
     if (!scattered) return Spectrum(0);
     const bool alone = surface.sharp || scattered->is_delta(); // light sampling cannot find this direction
     const Vec3f direction = scattered->wi;
-    const auto weight = [&](float fraction, auto &&light_pdf) {
-        return share(bsdf_samples, scattered->pdf * fraction, emitter_samples, alone ? 0 : light_pdf());
+    const auto weight = [&](float reach, auto &&light_pdf) {
+        return share(bsdf_samples, scattered->pdf * reach, emitter_samples, alone ? 0 : light_pdf());
     };
     const Ray ray{leave(hit, direction), direction, 0, infinity};
     const auto sight = detail::look(scene, tracer, hit.position, ray, hit.footprint, u.flight, false, weight);
@@ -126,13 +125,13 @@ inline Spectrum Direct::radiance(const Scene &scene, Tracer &tracer, const Sampl
     const Surface surface = scene.surface(*sight.hit, -camera.ray.direction, sight.u);
     if (surface.black) return sight.light;
     const bool sampled = !surface.sharp && !scene.lights().empty();
-    Spectrum radiance = sight.light;
+    Spectrum scattered{0};
     for (int i = 1; i <= std::max(emitter_samples, bsdf_samples); ++i) {
         const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(i));
-        if (sampled && i <= emitter_samples) radiance += sample_light(scene, tracer, *sight.hit, surface, u);
-        if (i <= bsdf_samples) radiance += sample_bsdf(scene, tracer, *sight.hit, surface, u);
+        if (sampled && i <= emitter_samples) scattered += sample_light(scene, tracer, *sight.hit, surface, u);
+        if (i <= bsdf_samples) scattered += sample_bsdf(scene, tracer, *sight.hit, surface, u);
     }
-    return radiance;
+    return sight.light + sight.throughput * scattered;
 }
 
 } // namespace lajolla

@@ -20,9 +20,13 @@ struct Vacuum {
 
     // What remains of light along a shadow ray.
     struct Light {
-        float fraction = 1;
-        float value() const { return fraction; }
-        void pass(float part) { fraction *= part; }
+        Spectrum fraction{1};
+        float reach = 1; // the probability of a path coming this far
+        const Spectrum &value() const { return fraction; }
+        void pass(const Passage &through) {
+            fraction *= through.transmitted;
+            reach *= through.probability;
+        }
     };
 
     Vacuum() = default;
@@ -31,7 +35,7 @@ struct Vacuum {
     const Vacuum &for_shadow_ray(const Sampler &, std::uint32_t) const { return *this; }
     void cross(const Hit &, const Vec3f &) {}
     void attenuate(const Scene &, const Ray &, Light &) {}
-    float reach(const Light &light) const { return light.fraction; }
+    float reach(const Light &light) const { return light.reach; }
 };
 
 // What happens to a path on one straight piece of its way through a medium.
@@ -56,9 +60,9 @@ public:
         float survival = 1; // the probability that the ray was followed to its end
 
         Spectrum value() const { return fraction / survival; }
-        void pass(float part) {
-            fraction *= part;
-            reach *= part;
+        void pass(const Passage &through) {
+            fraction *= through.transmitted;
+            reach *= through.probability;
         }
     };
 

@@ -175,17 +175,14 @@ inline Path::Course Path::cross_medium(const Scene &scene, Tracer &tracer, const
 template <class Medium>
 bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                               const BounceSample &u, const Hit &hit, Walk<Medium> &walk) const {
-    // As in Mitsuba, going straight through a pane of glass is a bounce for `path` and none for `volpath`.
-    const bool last = walk.depth == max_depth;
-    if (last && !Medium::present) return false;
     const Surface surface = scene.surface(hit, -walk.ray.direction, walk.flight);
-    if (surface.black || (last && !surface.sharp)) return false;
+    if (surface.black) return false;
     if (!surface.sharp)
         walk.radiance += walk.throughput * direct(scene, tracer, SurfaceVertex{hit, surface}, u,
                                                   walk.medium.for_shadow_ray(sampler, walk.block));
 
     const auto scattered = sample(surface, u.lobe, u.bsdf_uv);
-    if (!scattered || (last && scattered->kind != ScatterKind::null)) return false;
+    if (!scattered) return false;
     // Radiance over eta^2 is what stays constant along a ray that refracts (Veach 1997, section 5.2).
     walk.throughput *= scattered->weight;
     if (scattered->eta != 1) {
@@ -199,11 +196,8 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
     walk.ray.far = infinity;
     walk.medium.cross(hit, walk.ray.direction);
     if (scene.reads_footprints())
-        walk.cone = scattered->kind == ScatterKind::null
-                        ? hit.footprint
-                        : hit.footprint.scattered(hit.mean_curvature, scattered->width(), scattered->eta);
-    if (!Medium::present || scattered->kind != ScatterKind::null) ++walk.depth;
-    else if (++walk.passages > max_passages) return false;
+        walk.cone = hit.footprint.scattered(hit.mean_curvature, scattered->width(), scattered->eta);
+    ++walk.depth;
     return true;
 }
 
@@ -242,16 +236,17 @@ Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                                                          : scene.lights().pdf_hit(walk.from.position, hit,
                                                                                   walk.ray.direction));
 
-        const float passage = hidden ? 1 : scene.has_passages() ? scene.passage(hit) : 0;
-        if (passes(passage, walk.flight)) {
+        const Passage passage = passage_at(scene, hit, walk.ray.direction, hidden);
+        if (passes(passage.probability, walk.flight)) {
             if (++walk.passages > max_passages) break;
-            walk.from.pdf *= passage;
+            walk.throughput *= passage.transmitted / passage.probability;
+            walk.from.pdf *= passage.probability;
             walk.ray = {leave(hit, walk.ray.direction), walk.ray.direction, 0, walk.ray.far - hit.distance};
             walk.cone = hit.footprint;
             walk.medium.cross(hit, walk.ray.direction);
             continue;
         }
-        if (!surfaces_scatter) break;
+        if (walk.depth == max_depth || !surfaces_scatter) break;
         if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) break;
         if (!is_finite(walk.throughput)) [[unlikely]]
             return walk.throughput; // whoever takes the sample counts it

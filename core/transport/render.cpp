@@ -94,10 +94,10 @@ float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sam
     return match(integrator, [&](const auto &model) {
         if constexpr (requires { model.version; })
             if (!scene.media().empty())
-                return coverage(scene, tracer, sampler, camera, model.hide_emitters,
+                return coverage(scene, tracer, camera, model.hide_emitters,
                                 InMedia(scene, camera, sampler, model.version > 1));
         if constexpr (requires { model.hide_emitters; })
-            return coverage(scene, tracer, sampler, camera, model.hide_emitters, Vacuum());
+            return coverage(scene, tracer, camera, model.hide_emitters, Vacuum());
         else return tracer.closest(camera.ray) ? 1.0f : 0.0f;
     });
 }

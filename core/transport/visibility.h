@@ -10,6 +10,12 @@ namespace lajolla {
 // forever.
 inline constexpr int max_passages = 1024;
 
+// What passes straight through a surface that a path hits, all of it through a light that it shall not see.
+inline Passage passage_at(const Scene &scene, const Hit &hit, const Vec3f &direction, bool hidden) {
+    if (hidden) return {Spectrum(1), 1};
+    return scene.has_passages() ? scene.passage(hit, -direction) : Passage{};
+}
+
 // From a point towards a sampled light, ending before its surface. `light.target` clears the error of the
 // light's own coordinates; the end clears those of a far away viewer's too.
 inline Ray shadow_ray(const Vec3f &origin, float origin_error, const DirectSample &light) {
@@ -40,8 +46,8 @@ std::optional<typename Medium::Light> arrival(const Scene &scene, Tracer &tracer
             return result;
         }
         const Hit surface = scene.hit(ray, *found, {});
-        const float passage = scene.passage(surface);
-        if (passage == 0) break;
+        const Passage passage = scene.passage(surface, -light.wi);
+        if (passage.probability == 0) break;
         attenuate(ray, found->distance);
         result.pass(passage);
         medium.cross(surface, light.wi);

@@ -8,7 +8,7 @@ from ..convert import convert
 from ..errors import SceneError
 from ..literals import Text, parse_floats
 from ..nodes import Node
-from ..schema import BLACK, AdapterId, Content, Field, MaterialId, Plugin, Slot
+from ..schema import BLACK, AdapterId, Field, MaterialId, Plugin, Slot
 
 if TYPE_CHECKING:
     from ..build import Builder
@@ -38,16 +38,7 @@ def _two_sided(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
             f"{node} cannot hold a bsdf that lets light through; it is used alone", node.location
         )
         return front
-    if _holes(builder, back.front) != _holes(builder, front.front):
-        builder.diagnostics.warn(
-            f"the sides of {node} have different holes; those of the front count", node.location
-        )
     return Slot(front.front, back.front)
-
-
-def _holes(builder: Builder, material: MaterialId) -> list[Content]:
-    """The opacities in a material."""
-    return [part["opacity"] for part in builder.parts_of(material) if "opacity" in part]
 
 
 def _mask(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
