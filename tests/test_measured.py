@@ -74,6 +74,9 @@ def test_roughness_is_that_of_the_normals() -> None:
     assert _core.Bsdf({"type": "measured", "measurement": MEASUREMENTS["isotropic"]}).roughness == (
         pytest.approx(0.3, rel=0.05)
     )
+    x = np.linspace(0, 1, 24)
+    grazing = changed(ndf=np.tile(np.where(x > 0.97, 1, 0).astype(np.float32), (24, 1)))
+    assert _core.Measurement(**measurement(grazing)).roughness == 1
 
 
 def test_spectra_become_colours() -> None:
@@ -134,6 +137,15 @@ HOSTILE = {
     "falling": (tensor_bytes(changed(theta_i=-np.arange(5, dtype=np.float32))), "do not rise"),
     "channels": (tensor_bytes(changed(rgb=synthetic()["rgb"][:, :, :2])), "three channels"),
     "jacobian": (tensor_bytes(changed(jacobian=None)), '"jacobian" is missing'),
+    "many wavelengths": (
+        tensor_bytes(
+            changed(
+                spectra=np.zeros((1, 5, 5000, 2, 2), np.float32),
+                wavelengths=np.arange(5000, dtype=np.float32),
+            )
+        ),
+        "5000 wavelengths",
+    ),
     "wavelengths": (
         tensor_bytes(synthetic(channels=7) | {"wavelengths": np.zeros(7, np.float32)}),
         '"wavelengths" do not rise',

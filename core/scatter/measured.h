@@ -149,7 +149,8 @@ inline float Measurement::roughness_of(const MeasuredTables::Square<float> &ndf)
         below[x] = below[x - 1] + sum * std::sin(2 * theta) * (elevation_of(x) - elevation_of(x - 1));
     }
     const auto half = std::lower_bound(below.begin(), below.end() - 1, below.back() / 2);
-    return std::clamp(std::tan(elevation_of(static_cast<std::uint32_t>(half - below.begin()))), 0.001f, 1.0f);
+    const float theta = elevation_of(static_cast<std::uint32_t>(half - below.begin()));
+    return std::clamp(std::sin(theta) / std::max(std::cos(theta), 1e-3f), 0.001f, 1.0f);
 }
 
 struct Measured {

@@ -28,6 +28,7 @@ SHAPES = {
 }
 RGB = {"rgb": "phi theta channel y x"}
 SPECTRAL = {"spectra": "phi theta channel y x", "wavelengths": "channel"}
+MOST_WAVELENGTHS = 4096  # the RGL measures 195
 
 
 def _measured(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
@@ -89,6 +90,8 @@ def _colour(named: dict[str, npt.NDArray[np.float32]]) -> npt.NDArray[np.float32
         raise TensorError('"spectra" and "wavelengths" differ in length')
     if np.any(np.diff(wavelengths) <= 0):
         raise TensorError('"wavelengths" do not rise')
+    if len(wavelengths) > MOST_WAVELENGTHS:
+        raise TensorError(f"it has {len(wavelengths)} wavelengths; {MOST_WAVELENGTHS} are the most")
     # The colour is linear in the spectrum, which goes on beyond its ends.
     ends = [min(WAVELENGTHS[0], wavelengths[0]) - 1, max(WAVELENGTHS[-1], wavelengths[-1]) + 1]
     at = np.array([ends[0], *wavelengths, ends[1]])
