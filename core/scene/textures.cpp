@@ -56,7 +56,11 @@ Spectrum Bitmap::look_up(const TexturePoint &at) const {
     const Vec3f transformed = to_uv.point({at.uv.x, at.uv.y, 1});
     const Vec2f position{transformed.x, transformed.y};
     if (!at.filtered || !pixels.is_filtered()) return pixels.sharp(position);
-    if (!pixels.is_elliptical()) return pixels.trilinear(position, level(at.hit->uv_footprint()));
+    // A beam that a rough surface opened is blurred in every direction: its ellipse would cost and show
+    // nothing.
+    const bool sharp_beam = at.hit->footprint.spread < 0.05f;
+    if (!pixels.is_elliptical() || !sharp_beam)
+        return pixels.trilinear(position, level(at.hit->uv_footprint()));
     const UvEllipse ellipse = uv_ellipse(*at.hit, at.wo);
     return pixels.elliptical(position, vector_in_uv(to_uv, ellipse.across),
                              vector_in_uv(to_uv, ellipse.along), max_anisotropy);
