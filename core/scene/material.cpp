@@ -61,7 +61,7 @@ Materials::Materials(std::vector<Material> materials, std::vector<Adapter> adapt
         if (id.adapter >= 0) return bool(clear[static_cast<std::size_t>(id.adapter)]);
         return id.bsdf >= 0 && is_transmissive(bsdfs[static_cast<std::size_t>(id.bsdf)]);
     };
-    std::vector<int> depths, leaves;
+    std::vector<int> depths;
     for (const Adapter &adapter : adapters_) {
         const auto *mask = std::get_if<Mask>(&adapter);
         bool passes = mask && !(mask->opacity == Texture<float>(1));
@@ -72,12 +72,12 @@ Materials::Materials(std::vector<Material> materials, std::vector<Adapter> adapt
             passes |= lets_pass(child);
             all_clear &= is_clear(child);
             depth = std::max(depth, child.adapter >= 0 ? depths[index] : 0);
-            count += child.adapter >= 0 ? leaves[index] : 1;
+            count += child.adapter >= 0 ? adapter_leaves_[index] : 1;
         });
         adapter_passes_.push_back(passes);
         clear.push_back(all_clear);
         depths.push_back(depth + 1);
-        leaves.push_back(count);
+        adapter_leaves_.push_back(count);
         if (depth + 1 > deepest) throw std::invalid_argument("materials are nested more than 64 deep");
         if (count > most_leaves)
             throw std::invalid_argument("a material is a mixture of more than 4096 materials");
@@ -115,24 +115,56 @@ Passage Materials::passage(MaterialId id, const TextureReader &read, const Hit &
     });
 }
 
+float Materials::share_of_second(const Blend &blend, const TextureReader &read, const Hit &hit,
+                                 const Vec3f &wo, const MappedNormal &normal) const {
+    const float weight = std::clamp(read(blend.weight), 0.0f, 1.0f);
+    const auto stopped = [&](MaterialId child) {
+        return 1 - passage(child, read, hit, wo, normal).probability;
+    };
+    const float first = (1 - weight) * stopped(blend.first), second = weight * stopped(blend.second);
+    return first + second > 0 ? second / (first + second) : 0;
+}
+
 std::int32_t Materials::choose(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
                                float u, MappedNormal &normal) const {
     while (id.adapter >= 0)
         match(adapter(id), [&](const auto &a) {
             using Model = std::decay_t<decltype(a)>;
             if constexpr (std::is_same_v<Model, Blend>) {
-                const float weight = std::clamp(read(a.weight), 0.0f, 1.0f);
-                const auto stopped = [&](MaterialId child) {
-                    return 1 - passage(child, read, hit, wo, normal).probability;
-                };
-                const float first = (1 - weight) * stopped(a.first), second = weight * stopped(a.second);
-                id = passes(first + second > 0 ? second / (first + second) : 0, u) ? a.second : a.first;
+                id = passes(share_of_second(a, read, hit, wo, normal), u) ? a.second : a.first;
             } else {
                 if constexpr (!std::is_same_v<Model, Mask>) turn(a, read, hit, wo, normal);
                 id = a.child;
             }
         });
     return id.bsdf;
+}
+
+SmallBlend Materials::leaves(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
+                             const MappedNormal &normal) const {
+    SmallBlend result;
+    add_leaves(id, read, hit, wo, normal, 1, result);
+    return result;
+}
+
+void Materials::add_leaves(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
+                           MappedNormal normal, float share, SmallBlend &leaves) const {
+    if (share == 0) return;
+    if (id.adapter < 0) {
+        leaves.leaf[static_cast<std::size_t>(leaves.count++)] = {id.bsdf, normal, share};
+        return;
+    }
+    match(adapter(id), [&](const auto &a) {
+        using Model = std::decay_t<decltype(a)>;
+        if constexpr (std::is_same_v<Model, Blend>) {
+            const float second = share_of_second(a, read, hit, wo, normal);
+            add_leaves(a.first, read, hit, wo, normal, share * (1 - second), leaves);
+            add_leaves(a.second, read, hit, wo, normal, share * second, leaves);
+        } else {
+            if constexpr (!std::is_same_v<Model, Mask>) turn(a, read, hit, wo, normal);
+            add_leaves(a.child, read, hit, wo, normal, share, leaves);
+        }
+    });
 }
 
 std::int32_t Materials::first_bsdf(MaterialId id) const {

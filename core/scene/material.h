@@ -3,6 +3,7 @@
 // materials, cut holes, or turn the normal; none of them is a BSDF, so lobes stay small however deep they
 // nest.
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <variant>
@@ -94,6 +95,19 @@ struct NormalMap {
 
 using Adapter = std::variant<Blend, Mask, BumpMap, NormalMap>;
 
+// The BSDFs of a blend at a hit: what maps make of the normal there, and the share of the light that each has
+// of what does not pass straight through.
+struct SmallBlend {
+    static constexpr int most = 4;
+    struct Leaf {
+        std::int32_t bsdf = -1;
+        MappedNormal normal{};
+        float share = 0;
+    };
+    std::array<Leaf, most> leaf;
+    int count = 0;
+};
+
 // The materials of a scene, ready to be asked at hits.
 class Materials {
 public:
@@ -116,11 +130,28 @@ public:
     std::int32_t choose(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo, float u,
                         MappedNormal &normal) const;
 
+    // Whether a tree mixes BSDFs, and so few of them that looking at each is worth its time.
+    bool is_small_blend(MaterialId id) const {
+        if (id.adapter < 0) return false;
+        const int leaves = adapter_leaves_[static_cast<std::size_t>(id.adapter)];
+        return leaves > 1 && leaves <= SmallBlend::most;
+    }
+
+    // What choose() may choose at a small blend, each with its probability.
+    SmallBlend leaves(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
+                      const MappedNormal &normal) const;
+
     // The BSDF that is reached first.
     std::int32_t first_bsdf(MaterialId id) const;
 
 private:
     const Adapter &adapter(MaterialId id) const { return adapters_[static_cast<std::size_t>(id.adapter)]; }
+    // Of what a blend stops of the light, the part that its second material stops.
+    float share_of_second(const Blend &blend, const TextureReader &read, const Hit &hit, const Vec3f &wo,
+                          const MappedNormal &normal) const;
+    void add_leaves(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
+                    MappedNormal normal, float share, SmallBlend &leaves) const;
+
     // Whether light may pass straight through.
     bool lets_pass(MaterialId id) const {
         return id.adapter >= 0 ? adapter_passes_[static_cast<std::size_t>(id.adapter)]
@@ -131,6 +162,7 @@ private:
     std::vector<Adapter> adapters_;
     std::span<const Bsdf> bsdfs_;
     std::vector<bool> bsdf_passes_, adapter_passes_;
+    std::vector<int> adapter_leaves_;
     bool has_passages_ = false;
 };
 

@@ -56,6 +56,7 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
         if (const auto *bitmap = std::get_if<Bitmap>(&texture))
             reads_footprints_ |= bitmap->reads_footprints();
     materials_ = Materials(parts_.materials, parts_.adapters, parts_.bsdfs);
+    for (const Adapter &adapter : parts_.adapters) has_blends_ |= std::holds_alternative<Blend>(adapter);
 
     bounding_sphere_ = sphere_around(parts_);
     const CameraFit fit{parts_.film.aspect(), static_cast<float>(parts_.film.width), bounding_sphere_};
@@ -108,7 +109,11 @@ Scene::Choice Scene::choose(const Hit &hit, const Vec3f &wo, float u) const {
 }
 
 Surface Scene::surface(const Hit &hit, const Vec3f &wo, float u) const {
-    const auto [id, turned, normal] = choose(hit, wo, u);
+    return surface(choose(hit, wo, u), hit, wo);
+}
+
+Surface Scene::surface(const Choice &choice, const Hit &hit, const Vec3f &wo) const {
+    const auto &[id, turned, normal] = choice;
     if (id < 0) return {};
     const SeenNormals seen = seen_from(wo, hit.normal, normal);
     const bool behind = seen.behind;

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "scatter/bsdfs.h"
@@ -130,6 +131,18 @@ public:
     // blend it is one, chosen by the uniform number u.
     Surface surface(const Hit &hit, const Vec3f &wo, float u) const;
 
+    // f(surface, share) for what surface() may choose, with its probability, where that is a small blend;
+    // else f(chosen, 1). Sampling lights for each of them takes the noise of choosing out of direct light.
+    template <class F>
+    void for_each_surface(const Hit &hit, const Vec3f &wo, const Surface &chosen, F &&f) const {
+        if (!has_blends_) return f(chosen, 1.0f);
+        const Side seen = side(hit, wo);
+        if (!materials_.is_small_blend(seen.root)) return f(chosen, 1.0f);
+        const SmallBlend leaves = materials_.leaves(seen.root, sharp_reader(hit), hit, wo, seen.normal);
+        for (const auto &leaf : std::span(leaves.leaf).first(static_cast<std::size_t>(leaves.count)))
+            f(surface({leaf.bsdf, seen.turned, leaf.normal}, hit, wo), leaf.share);
+    }
+
     // The diffuse colour at a hit: a parameter of materials that have one; of others pi times their value
     // between `wo` and the normal, which is that of a diffuse surface as bright. Of a blend as surface().
     Spectrum albedo(const Hit &hit, const Vec3f &wo, float u) const;
@@ -161,6 +174,7 @@ private:
         MappedNormal normal;
     };
     Choice choose(const Hit &hit, const Vec3f &wo, float u) const;
+    Surface surface(const Choice &choice, const Hit &hit, const Vec3f &wo) const;
     // Which of a material's sides is seen, and the normal before maps turn it.
     struct Side {
         MaterialId root;
@@ -186,7 +200,7 @@ private:
     std::optional<Accel> accel_;
     LightPicker picker_;
     FilterSampler filter_;
-    bool reads_footprints_ = false;
+    bool reads_footprints_ = false, has_blends_ = false;
     Transform to_camera_;
     BoundingSphere bounding_sphere_;
 };

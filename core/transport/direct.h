@@ -122,14 +122,20 @@ inline Spectrum Direct::radiance(const Scene &scene, Tracer &tracer, const Sampl
     const auto sight = detail::look(scene, tracer, camera.ray.origin, camera.ray, camera.cone, camera.flight,
                                     hide_emitters, [](float, auto &&) { return 1.0f; });
     if (!sight.hit) return sight.light;
-    const Surface surface = scene.surface(*sight.hit, -camera.ray.direction, sight.u);
-    if (surface.black) return sight.light;
-    const bool sampled = !surface.sharp && !scene.lights().empty();
+    const Vec3f wo = -camera.ray.direction;
+    const Surface chosen = scene.surface(*sight.hit, wo, sight.u);
     Spectrum scattered{0};
-    for (int i = 1; i <= std::max(emitter_samples, bsdf_samples); ++i) {
+    const int lights = scene.lights().empty() ? 0 : emitter_samples;
+    scene.for_each_surface(*sight.hit, wo, chosen, [&](const Surface &surface, float share) {
+        if (surface.black || surface.sharp) return;
+        for (int i = 1; i <= lights; ++i) {
+            const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(i));
+            scattered += share * sample_light(scene, tracer, *sight.hit, surface, u);
+        }
+    });
+    for (int i = 1; i <= bsdf_samples && !chosen.black; ++i) {
         const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(i));
-        if (sampled && i <= emitter_samples) scattered += sample_light(scene, tracer, *sight.hit, surface, u);
-        if (i <= bsdf_samples) scattered += sample_bsdf(scene, tracer, *sight.hit, surface, u);
+        scattered += sample_bsdf(scene, tracer, *sight.hit, chosen, u);
     }
     return sight.light + sight.throughput * scattered;
 }

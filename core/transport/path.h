@@ -176,10 +176,13 @@ template <class Medium>
 bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                               const BounceSample &u, const Hit &hit, Walk<Medium> &walk) const {
     const Surface surface = scene.surface(hit, -walk.ray.direction, walk.flight);
+    scene.for_each_surface(hit, -walk.ray.direction, surface, [&](const Surface &each, float share) {
+        if (!each.black && !each.sharp)
+            walk.radiance += walk.throughput * share *
+                             direct(scene, tracer, SurfaceVertex{hit, each}, u,
+                                    walk.medium.for_shadow_ray(sampler, walk.block));
+    });
     if (surface.black) return false;
-    if (!surface.sharp)
-        walk.radiance += walk.throughput * direct(scene, tracer, SurfaceVertex{hit, surface}, u,
-                                                  walk.medium.for_shadow_ray(sampler, walk.block));
 
     const auto scattered = sample(surface, u.lobe, u.bsdf_uv);
     if (!scattered) return false;
