@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +112,25 @@ def test_names_of_mitsuba_0_6(tmp_path: Path) -> None:
 def test_ggx_of_other_authors_is_ggx(tmp_path: Path) -> None:
     description = read(tmp_path, SPHERE.format('<bsdf type="roughconductorGGX"/>'), "0.6.0")
     assert description.core["bsdfs"][0]["distribution"] == "ggx"
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        SPHERE.format('<bsdf type="RoughConductor"/>'),
+        SPHERE.format('<bsdf type="RoughConductorGGX"/>'),
+        SPHERE.format('<bsdf type="Diffuse"><rgb name="diffuseReflectance" value="1, 0, 0"/></bsdf>'),
+        SPHERE.format('<medium name="interior" type="Homogeneous"/>'),
+        '<emitter type="Sun"/>',
+        '<integrator type="ErrCtrl"><integrator type="volpath"/></integrator>',
+    ],
+)
+def test_plugins_of_old_files_have_names_in_any_case(body: str, tmp_path: Path) -> None:
+    body += '<emitter type="constant"/>'  # or else a sky is added, an image in memory
+    lower = re.sub(r'type="\w+"', lambda found: found[0].lower(), body)
+    given, plain = (read(tmp_path, text, "0.6.0") for text in (body, lower))
+    assert repr(given.core) == repr(plain.core)
+    assert len(given.warnings) == len(plain.warnings)
 
 
 def hair_of_mitsuba(parameters: dict, wo: np.ndarray, wi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -14,9 +14,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import lajolla
 from lajolla import cli, display, image
 from lajolla.arguments import parse, replay_command
 from lajolla.render import Progress
+from lajolla.survey import Finding, survey
 
 SCENE = """\
 <scene version="3.0.0">
@@ -205,6 +207,8 @@ def test_check_all(capsys: Capture) -> None:
         f'<scene version="3.0.0"><include filename="part.xml"/>{sensor}<emitter type="laser"/></scene>'
     )
     (folder / "other.xml").write_text("<robot/>")
+    os.mkfifo(folder / "pipe.xml")
+    (folder / "folder.xml").mkdir()
     assert cli.main(["check", "--all", "scenes"]) == 0
     capsys.readouterr()
     (folder / "broken.xml").write_text('<scene version="3.0.0"><sensr type="perspective"/></scene>')
@@ -219,6 +223,20 @@ def test_check_all(capsys: Capture) -> None:
     assert capsys.readouterr().out.splitlines()[2].split()[:2] == ["whole.xml", "no"]
     assert cli.main(["check", "--all", "room.xml"]) == 1
     assert "room.xml is no folder" in capsys.readouterr().err
+
+
+def test_one_scene_does_not_end_a_survey() -> None:
+    Path("a.xml").write_text("<scene/>")
+
+    def open_scene(path: Path) -> lajolla.Scene:
+        if path.name == "a.xml":
+            raise ZeroDivisionError("by nothing\nat all")
+        return SimpleNamespace(warnings=[])  # type: ignore[return-value]
+
+    assert survey(Path(), open_scene) == [
+        Finding(Path("a.xml"), error="ZeroDivisionError: by nothing"),
+        Finding(Path("room.xml")),
+    ]
 
 
 def test_compare(capsys: Capture) -> None:

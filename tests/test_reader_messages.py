@@ -9,6 +9,7 @@ from reader_tools import error, error_of, messages, read, write_scene
 
 import lajolla
 from lajolla import _core
+from lajolla.scene import export
 
 SPHERE = '<shape type="sphere">{}</shape>'
 
@@ -292,6 +293,16 @@ def test_what_is_no_file(path: str) -> None:
             3,
             "beam_width is larger than cutoff_angle",
         ),
+        (
+            SPHERE.format('\n<bsdf type="roughplastic"><float name="alpha" value="1e300"/></bsdf>'),
+            4,
+            "error: alpha: expected a number >= 0, got 1e",
+        ),
+        (
+            SPHERE.format('\n<bsdf type="conductor"><float name="ext_eta" value="1e-20"/></bsdf>'),
+            4,
+            "k: expected",
+        ),
         (SPHERE.format('\n<bsdf type="dielectric"><float name="int_ior" value="0"/></bsdf>'), 4, "int_ior"),
         ('<shape type="cylinder"><float name="radius" value="0"/></shape>', 3, "error: a cylinder needs"),
     ],
@@ -311,6 +322,10 @@ def test_refusals_of_the_core_have_a_place(tmp_path: Path, body: str, line: int,
         (
             SPHERE.format('<bsdf type="conductor"><float name="ext_eta" value="0"/></bsdf>'),
             '"ext_eta" must be above zero, not 0',
+        ),
+        (
+            SPHERE.format('<bsdf type="roughdielectric"><float name="roughness" value="1e200"/></bsdf>'),
+            'scene.xml:3:82: error: "roughness" must be at most 1e+09, not 1e+200',
         ),
         (
             '<shape type="serialized"><integer name="shape_index" value="3000000000"/></shape>',
@@ -337,10 +352,49 @@ CHECKERBOARD = '<texture type="checkerboard" name="eta"/>'
             SPHERE.format('<bsdf type="difuse"><float name="shine" value="1"/></bsdf>'),
             'no use for the property "shine"',
         ),
+        (
+            SPHERE.format(
+                '<medium name="interior" type="heterogeneous"><volume name="density" type="foo"/></medium>'
+            ),
+            'there is no volume "foo"; "constvolume" is used',
+        ),
     ],
 )
 def test_told_and_rendered_otherwise(tmp_path: Path, body: str, message: str) -> None:
     assert message in "\n".join(messages(read(tmp_path, body), tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("plugin", "name"),
+    [("roughplastic", "alpha"), ("dielectric", "int_ior"), ("hair", "color")],
+)
+def test_textures_where_a_model_takes_a_constant(plugin: str, name: str, tmp_path: Path) -> None:
+    body = SPHERE.format(f'<bsdf type="{plugin}"><texture name="{name}" type="{{}}"/></bsdf>')
+    told = messages(description := read(tmp_path, body.format("checkerboard")), tmp_path)
+    assert len(told) == 1
+    assert f'"{name}" of bsdf "{plugin}" takes no texture; the default is used' in told[0]
+    assert name not in description.core["bsdfs"][0]
+    error_of(tmp_path, body.format("checkerboard"), strict=True)
+    assert "<texture" not in export(tmp_path / "scene.xml", tmp_path / "new.xml").text
+
+
+@pytest.mark.parametrize(
+    "body",
+    ['<integrator type="adaptive"/>', '<integrator type="moment"><integrator type="adaptive"/></integrator>'],
+)
+def test_integrators_that_lack_the_one_inside(body: str, tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text(f'<scene version="3.0.0"><sensor type="perspective"/>{body}</scene>')
+    description = lajolla.scene.load_description(path)
+    assert description.core["integrator"]["type"] == "path"
+    assert 'there is no integrator "adaptive"; "path" is used' in messages(description, tmp_path)[0]
+
+
+def test_a_constant_texture_is_a_number(tmp_path: Path) -> None:
+    texture = '<texture name="alpha" type="uniform"><float name="value" value="0.25"/></texture>'
+    path = write_scene(tmp_path, SPHERE.format(f'<bsdf type="roughplastic">{texture}</bsdf>'))
+    assert lajolla.scene.load_description(path, strict=True).core["bsdfs"][0]["alpha"] == 0.25
+    assert '<float name="alpha" value="0.25"' in export(path, tmp_path / "new.xml").text
 
 
 def test_other_plugins_properties_are_not_told_one_by_one(tmp_path: Path) -> None:

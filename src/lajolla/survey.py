@@ -36,7 +36,7 @@ def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
         folder: searched for `*.xml`, at any depth.
         open_scene: opens one file.
     """
-    texts = {path: _text(path) for path in sorted(folder.rglob("*.xml"))}
+    texts = {path: _text(path) for path in sorted(folder.rglob("*.xml")) if path.is_file()}
     files = [path for path, text in texts.items() if b"<scene" in text]
     names = {name.decode(errors="replace") for text in texts.values() for name in INCLUDE.findall(text)}
     included = {name.replace("\\", "/").rsplit("/", 1)[-1] for name in names}
@@ -49,7 +49,7 @@ def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
 def _text(path: Path) -> bytes:
     try:
         return path.read_bytes()
-    except OSError:  # a folder of that name, a file that may not be read
+    except OSError:  # a file that may not be read
         return b""
 
 
@@ -60,6 +60,8 @@ def _finding(path: Path, open_scene: Callable[[Path], Scene]) -> Finding:
         return Finding(path, error=str(problem).splitlines()[0])
     except MemoryError:
         return Finding(path, error="not enough memory")
+    except Exception as problem:  # whatever is wrong with one scene, the others are read
+        return Finding(path, error=" ".join([f"{type(problem).__name__}:", *str(problem).splitlines()[:1]]))
 
 
 def table(folder: Path, findings: Sequence[Finding]) -> Iterator[str]:

@@ -172,8 +172,9 @@ def _read(path: Path, parameters: Mapping[str, str], strict: bool) -> tuple[Tree
     diagnostics = Diagnostics(strict)
     document = expand_file(path, parameters, diagnostics)
     tree = nodes_from_elements(document.root, diagnostics)
-    upgrade(tree.nodes)
-    return tree, Builder(_core(), diagnostics, document.search_paths)
+    builder = Builder(_core(), diagnostics, document.search_paths)
+    upgrade(tree.nodes, builder.table)
+    return tree, builder
 
 
 def _core() -> ModuleType:

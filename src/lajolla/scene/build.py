@@ -21,6 +21,7 @@ from .schema import (
     BLACK,
     CHILDREN,
     HARMLESS,
+    TEXTURED,
     AdapterId,
     Content,
     Field,
@@ -138,14 +139,11 @@ class Builder:
         if self.plugin(node) is not None:
             return node
         names = self.table.get(node.kind, {})
-        name = substitute_for(node, names)
-        used = "it is left out" if name is DROPPED else f'"{name}" is used'
         nested = next((child for _, child in node.children(node.kind)), None)
+        name = substitute_for(node, names, nested)
+        used = "it is left out" if name is DROPPED else f'"{name}" is used'
         if name is NESTED:
-            if nested is None:
-                name, used = DROPPED, "it is left out"
-            else:
-                used = f"the {nested} inside it is used"
+            used = f"the {nested} inside it is used"
         if node.plugin:  # where there is none, that was told
             hint = did_you_mean(node.plugin, names, limit=0) if name is DROPPED else ""
             self.diagnostics.unknown(f"there is no {node}; {used}{hint}", node.plugin_location)
@@ -168,10 +166,22 @@ class Builder:
             if _is_texture(prop.value) and self.texture(prop.value) is None:
                 continue  # left out, as was told
             if name in fields and not _is_child(prop.value, plugin):
+                if _is_texture(prop.value) and not self.fits(prop.value, fields[name]):
+                    self.tell_texture(node, prop.name)
+                    continue
                 values[name] = convert(self, node, prop, fields[name])
             elif not _is_child(prop.value, plugin) and prop.name not in HARMLESS.get(node.kind, ()):
                 self.tell_unknown(node, prop, fields)
         return values
+
+    def fits(self, texture: Node, field: Field) -> bool:
+        """Whether a field takes this texture: a constant one is as good as its value."""
+        return field.type in TEXTURED or not isinstance(self.texture(texture), dict)
+
+    def tell_texture(self, node: Node, name: str) -> None:
+        """Tells of a texture where the node's plugin can only take a constant."""
+        message = f'"{name}" of {node} takes no texture; the default is used'
+        self.diagnostics.unknown(message, node.property_location(name))
 
     def tell_unknown(self, node: Node, prop: Property, fields: Iterable[str]) -> None:
         """Tells of a property that is no field of the node's plugin."""
@@ -210,8 +220,6 @@ class Builder:
         """The value of a volume: a colour, or `{"volume": index}`."""
         if node not in self.built:
             value = self.construct(node)
-            if value is None:
-                raise SceneError(f"the medium cannot do without the {node}", node.location)
             is_entry = isinstance(value, dict) and "type" in value
             self.built[node] = {"volume": self.add("volumes", value, node)} if is_entry else value
         return self.built[node]
@@ -243,8 +251,17 @@ class Builder:
         """The index of an entry of a list; the same one is not added twice."""
         key = repr((where, entry))
         if key not in self.indices:
+            if where == "bsdfs":
+                self._check_bsdf(entry, node)
             self.indices[key] = self.add(where, entry, node)
         return self.indices[key]
+
+    def _check_bsdf(self, entry: dict[str, Any], node: Node) -> None:
+        """Refuses values that the core does not take before materials are asked what they let through."""
+        try:
+            self.core.transmissive(entry)
+        except self.core.DescriptionError as problem:
+            raise SceneError(str(problem).removeprefix("bsdf."), node.location) from None
 
     def adapt(self, node: Node, plugin: str, values: dict[str, Any], **children: MaterialId) -> AdapterId:
         """An adapter around materials."""

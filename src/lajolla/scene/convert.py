@@ -51,6 +51,8 @@ def _float(builder: Builder, owner: Node, prop: Property, field: Field) -> float
     value = prop.value
     if isinstance(value, str) and field.name in INDEX_FIELDS:
         return index_of_refraction(value, prop.location)
+    if isinstance(value, Node) and value.kind == "texture":
+        return _texture_float(builder, owner, prop, field)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return _in_range(float(value), prop, field)
@@ -126,13 +128,6 @@ def _transform(builder: Builder, owner: Node, prop: Property, field: Field) -> n
     return checked_matrix(matrix, prop.location)
 
 
-def _spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
-    value = _texture_spectrum(builder, owner, prop, field)
-    if isinstance(value, dict):
-        raise SceneError(f'"{prop.name}" of {owner} must be constant, not a texture', prop.location)
-    return value
-
-
 def _texture_spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
     value = constant_or_texture(builder, prop)
     if isinstance(value, dict) or value is None:
@@ -158,7 +153,7 @@ def _texture_float(builder: Builder, owner: Node, prop: Property, field: Field) 
 
 def _volume_spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
     if not isinstance(prop.value, Node) or prop.value.kind != "volume":
-        return _spectrum(builder, owner, prop, field)
+        return _texture_spectrum(builder, owner, prop, field)
     value = builder.volume(prop.value)
     return value if isinstance(value, dict) else _clamp(builder, owner, value, prop, field)
 
@@ -238,7 +233,7 @@ CONVERTERS: dict[str, Callable[[Builder, Node, Property, Field], Any]] = {
     "string": _string,
     "vector": _vector,
     "transform": _transform,
-    "spectrum": _spectrum,
+    "spectrum": _texture_spectrum,
     "texture_float": _texture_float,
     "texture_spectrum": _texture_spectrum,
     "volume_float": _volume_float,

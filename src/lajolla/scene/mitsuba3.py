@@ -100,12 +100,15 @@ class Translator:
         if isinstance(prop.value, Node):
             if prop.value.kind != "texture" or field is None:
                 return self.node(prop.value)
+            if not self.builder.fits(prop.value, field):
+                return None  # reading the scene told of it
             if prop.value.plugin.lower() not in CONSTANTS:
                 return self.node(prop.value)
             if isinstance(content := constant_or_texture(self.builder, prop), dict):  # a texture inside
                 nested = next((child for _, child in prop.value.children("texture")), None)
                 return nested and self.node(nested)
-            prop = Property(prop.name, content, prop.location, prop.name_location)
+            if field.type != "float":
+                prop = Property(prop.name, content, prop.location, prop.name_location)
         if field is None:
             return None  # reading the scene told of it
         value = convert(self.builder, node, prop, field)

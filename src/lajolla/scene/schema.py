@@ -24,6 +24,8 @@ CHILDREN = {
     "film": ("rfilter",),
 }
 
+TEXTURED = ("texture_float", "texture_spectrum")  # types of fields that take textures
+
 # Properties of Mitsuba that cannot change the picture's values here: hints to its samplers, and how and where
 # it writes files, which the command line decides.
 HARMLESS = {

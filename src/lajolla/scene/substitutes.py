@@ -40,6 +40,7 @@ OTHERWISE = {
     "rfilter": "gaussian",
     "sensor": "perspective",
     "phase": "isotropic",
+    "volume": "constvolume",
 }
 
 
@@ -50,11 +51,13 @@ def misspelt(node: Node, available: Iterable[str]) -> str | None:
     return nearest(node.plugin, [*available, *SUBSTITUTES.get(node.kind, {})])
 
 
-def substitute_for(node: Node, available: Iterable[str]) -> str:
-    """The name of an available plugin to use for an unknown one, or NESTED, or DROPPED."""
+def substitute_for(node: Node, available: Iterable[str], nested: Node | None) -> str:
+    """The name of an available plugin to use for an unknown one, or DROPPED, or NESTED if there is one."""
     rows = SUBSTITUTES.get(node.kind, {})
     default = OTHERWISE.get(node.kind, DROPPED)
     names = set(available)
     name = rows.get(node.plugin.lower()) or misspelt(node, names) or default
     name = rows.get(name, name)
-    return name if name in (DROPPED, NESTED) or name in names else (default if default in names else DROPPED)
+    if name is DROPPED or name in names or (name is NESTED and nested is not None):
+        return name
+    return default if default in names else DROPPED

@@ -7,11 +7,12 @@ between versions are written out, so that nothing later asks for a version.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from .nodes import Node, Property
+from .schema import Plugin
 
 AIR = 1.000277
 
@@ -20,6 +21,8 @@ OLD_PLUGINS = {
     ("film", "pngfilm"): "ldrfilm",
     ("integrator", "errctrl"): "adaptive",
     ("bsdf", "bump"): "bumpmap",
+    ("bsdf", "roughconductorggx"): "roughconductorGGX",
+    ("bsdf", "roughdielectricggx"): "roughdielectricGGX",
 }
 OLD_PROPERTIES = {
     ("emitter", "intensity_scale"): "scale",
@@ -39,9 +42,14 @@ SYNONYMS = {
 UV_PROPERTIES = ("uscale", "vscale", "uvscale", "uoffset", "voffset")
 
 
-def upgrade(nodes: Iterable[Node]) -> None:
-    """Brings nodes from files before 2.0 up to date, in place. Disney names go either way in any."""
+def upgrade(nodes: Iterable[Node], table: Mapping[str, Mapping[str, Plugin]]) -> None:
+    """Brings nodes from files before 2.0 up to date, in place. Disney names go either way in any.
+
+    Plugins are named as in the table from here on, whatever the case in the file.
+    """
     for node in nodes:
+        known = table.get(node.kind, {}).get(node.plugin.lower())
+        node.plugin = known.name if known else node.plugin
         if node.version < (2, 0, 0):
             _upgrade_names(node)
             _upgrade_uv(node)
@@ -56,7 +64,7 @@ def snake_case(name: str) -> str:
 
 
 def _upgrade_names(node: Node) -> None:
-    node.plugin = OLD_PLUGINS.get((node.kind, node.plugin), node.plugin)
+    node.plugin = OLD_PLUGINS.get((node.kind, node.plugin.lower()), node.plugin)
     for prop in node.properties:
         name = snake_case(prop.name)
         prop.name = OLD_PROPERTIES.get((node.kind, name), name)

@@ -27,7 +27,12 @@ def _squared(builder: Builder, node: Node, roughness: Content) -> float | None:
     if isinstance(roughness, dict):
         builder.diagnostics.unknown(f'{node} takes no texture as "roughness"; use "alpha"', node.location)
         return None
-    return None if roughness is None else float(roughness) ** 2
+    if roughness is None:
+        return None
+    if roughness > MAX_ROUGHNESS:
+        message = f'"roughness" must be at most {MAX_ROUGHNESS:g}, not {roughness:g}'
+        raise SceneError(message, node.property_location("roughness"))
+    return float(roughness) ** 2
 
 
 def _rough_dielectric(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
@@ -104,6 +109,8 @@ def _named_conductor(node: Node, name: str) -> tuple[tuple[float, ...], tuple[fl
         raise SceneError(f'no conductor is called "{name}"{hint}', node.property_location("material"))
     return by_lower[name.lower()]
 
+
+MAX_ROUGHNESS = 1e9  # its square is a number to the core
 
 MATERIAL = (
     Field("material", "string", "name of a metal, instead of eta and k; none is a perfect mirror", "none"),

@@ -87,19 +87,32 @@ def _heterogeneous(builder: Builder, node: Node, values: dict[str, Any]) -> dict
 
 def _hg(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     if isinstance(values.get("g"), dict):
-        raise SceneError(f'"g" of {node} must be constant, not a texture', node.property_location("g"))
+        builder.tell_texture(node, "g")
+        del values["g"]
     return {"type": "hg", **values}
 
 
 def _blend(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     if "phase_0" not in values or "phase_1" not in values:
         raise SceneError(f"{node} needs two phase functions inside", node.location)
+    if sum(_count_parts(builder, values[name]) for name in ("phase_0", "phase_1")) > MAX_PARTS:
+        raise SceneError(f"{node} mixes more than four phase functions", node.location)
     return {"type": "blendphase", **values}
+
+
+def _count_parts(builder: Builder, phase: int) -> int:
+    """Of how many phase functions one is mixed; those that stand in the list have few."""
+    entry = builder.phases[phase] if phase >= 0 else {"type": "isotropic"}
+    if entry["type"] != "blendphase":
+        return 1
+    return sum(_count_parts(builder, entry[name]) for name in ("phase_0", "phase_1"))
 
 
 def _coefficient(name: str, doc: str) -> Field:
     return Field(name, "spectrum", doc, None, 0.0, unit="1/length")
 
+
+MAX_PARTS = 4  # of a mixture, which the core puts side by side
 
 ALBEDO = Field("albedo", "volume_spectrum", "fraction of the extinction that is scattering", 0.75, 0.0, 1.0)
 COEFFICIENTS = (
