@@ -10,13 +10,15 @@ from reader_tools import error_of, messages, read
 from scene_tools import PINHOLE, Settings, area, front_view, make_scene, picture, rotation, scaling, uv_sphere
 
 from lajolla import _core
+from lajolla import image as image_file
 
 SIZE = 32
 COORDINATES = (np.arange(SIZE) + 0.5) / SIZE
 V, U = np.meshgrid(COORDINATES[::-1], COORDINATES, indexing="ij")  # u to the right, v upwards
 
 NOISE = np.random.default_rng(5).random((64, 64, 3), np.float32)
-TESTED = {"bitmap", "checkerboard", "gridtexture", "scale", "mesh_attribute", "wireframe", "curvature"}
+TESTED = {"bitmap", "checkerboard", "gridtexture", "scale", "clamped", "mesh_attribute"}
+TESTED |= {"wireframe", "curvature"}
 
 
 def shown(textures: list[Settings], shape: Settings | None = None, width: float = 2) -> np.ndarray:
@@ -59,6 +61,68 @@ def test_scale_multiplies_textures_and_colours() -> None:
     even = (U % 1 > 0.5) == (V % 1 > 0.5)
     expected = np.where(even[..., None], 0.5, image) * factor * image
     np.testing.assert_allclose(shown([noise, board, nested, both]), expected, rtol=1e-5)
+
+
+def test_clamped() -> None:
+    pixels = NOISE[:SIZE, :SIZE] * 6 - 3
+    pixels[::3, ::3] = np.nan
+    bitmap = {"type": "bitmap", "image": _core.Image(pixels), "filter_type": "nearest"}
+    clamped = {"type": "clamped", "texture": {"texture": 0}, "low": 0.25, "high": 2}
+    expected = np.clip(np.nan_to_num(pixels, nan=-3), 0.25, 2)[::-1]  # v = 0 is the top row
+    np.testing.assert_allclose(shown([bitmap, clamped]), expected, rtol=1e-6)
+    with pytest.raises(_core.DescriptionError, match='"low" must not be above "high"'):
+        make_scene(textures=[{"type": "clamped", "low": 2}])
+
+
+BOARD = '<texture type="checkerboard" name="{}"><rgb name="color0" value="{}"/></texture>'
+FIVE = '<texture type="scale" name="reflectance"><float name="scale" value="{}"/>{}</texture>'
+GREY = '<rgb name="value" value=".5,.5,.5"/>'
+PICTURE = '<texture type="bitmap" name="{}"><string name="filename" value="a.exr"/>{}</texture>'
+DIFFUSE = '<shape type="sphere"><bsdf type="diffuse">{}</bsdf></shape><emitter type="constant"/>'
+GLOWING = '<shape type="sphere"><emitter type="area">{}</emitter></shape>'
+
+OUT_OF_RANGE = {
+    "scaled": (DIFFUSE.format(FIVE.format(5, GREY)), '"reflectance" of bsdf "diffuse" is above 1'),
+    "negative scale": (
+        DIFFUSE.format(FIVE.format(-5, BOARD.format("", ".4,.4,.4"))),
+        '"reflectance" of bsdf "diffuse" is below 0',
+    ),
+    "board": (
+        DIFFUSE.format(BOARD.format("reflectance", "3,3,3")),
+        '"reflectance" of bsdf "diffuse" is above 1',
+    ),
+    "image": (
+        DIFFUSE.format(PICTURE.format("reflectance", "")),
+        '"reflectance" of bsdf "diffuse" is below 0 and above 1',
+    ),
+    "emitter": (GLOWING.format(PICTURE.format("radiance", "")), '"radiance" of emitter "area" is below 0'),
+}
+
+
+@pytest.mark.parametrize("name", OUT_OF_RANGE)
+def test_textures_out_of_range_are_clamped(name: str, tmp_path: Path) -> None:
+    body, expected = OUT_OF_RANGE[name]
+    image_file.write(tmp_path / "a.exr", np.float32([[[3, 3, 3], [-1, 0.5, 3]]]))
+    description = read(tmp_path, body)
+    (message,) = messages(description, tmp_path)
+    assert message.endswith(f": warning: {expected} somewhere and clamped")
+    image = picture(_core.Scene(description.core | {"film": {"width": 16, "height": 16}}), 16)
+    assert (image >= 0).all() and (name == "emitter" or image.max() < 1.001)
+
+
+@pytest.mark.parametrize("wrap_mode, wraps", [("repeat", 0), ("zero", 0), ("one", 1)])
+def test_textures_within_range_stay_as_they_are(wrap_mode: str, wraps: int, tmp_path: Path) -> None:
+    """What lies around a picture counts; so does what is not known, without a word."""
+    image_file.write(tmp_path / "a.exr", np.full((2, 2, 3), 0.5, np.float32))
+    wrap = f'<string name="wrap_mode" value="{wrap_mode}"/>'
+    body = DIFFUSE.format(FIVE.format(1.5, PICTURE.format("", wrap)))
+    description = read(tmp_path, body)
+    assert [t["type"] for t in description.core["textures"]] == ["bitmap", "scale"] + wraps * ["clamped"]
+    assert len(messages(description, tmp_path)) == wraps
+    unknown = DIFFUSE.format('<texture type="mesh_attribute" name="reflectance"/>')  # all defaults
+    description = read(tmp_path, unknown)
+    assert [t["type"] for t in description.core["textures"]] == ["mesh_attribute", "clamped"]
+    assert not any("clamped" in message for message in messages(description, tmp_path))
 
 
 def test_wireframe() -> None:
@@ -223,8 +287,8 @@ def test_scale_takes_its_texture_by_any_name(tmp_path: Path) -> None:
     both = board.format("texture") + board.format("scale")
     textures, _ = textures_of(tmp_path, f'<texture type="scale" name="reflectance">{both}</texture>')
     assert textures[2] == {"type": "scale", "texture": {"texture": 0}, "scale": {"texture": 1}}
-    colour = '<texture type="scale" name="reflectance"><rgb name="value" value="1 2 3"/></texture>'
-    assert textures_of(tmp_path, colour)[0] == [{"type": "scale", "texture": (1.0, 2.0, 3.0)}]
+    colour = '<texture type="scale" name="reflectance"><rgb name="value" value=".1 .2 .3"/></texture>'
+    assert textures_of(tmp_path, colour)[0] == [{"type": "scale", "texture": (0.1, 0.2, 0.3)}]
 
 
 def test_scale_of_nothing_is_refused(tmp_path: Path) -> None:
@@ -247,5 +311,5 @@ def test_checkerboards_read_as_numbers(tmp_path: Path) -> None:
 def test_attributes_that_no_mesh_has_are_told(tmp_path: Path) -> None:
     texture = '<texture type="vertexcolors" name="reflectance"/>'
     textures, warnings = textures_of(tmp_path, texture, "0.6.0")
-    assert textures == [{"type": "mesh_attribute", "name": "vertex_color"}]
+    assert textures[0] == {"type": "mesh_attribute", "name": "vertex_color"}
     assert len(warnings) == 1 and 'no mesh has the attribute "vertex_color"' in warnings[0]

@@ -4,6 +4,7 @@
 #include <fstream>
 
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -235,7 +236,9 @@ void bind_meshes(nb::module_ &m) {
              "sRGB encoded, otherwise 255 means 1.")
         .def_ro("width", &Image::width)
         .def_ro("height", &Image::height)
-        .def_ro("channels", &Image::channels);
+        .def_ro("channels", &Image::channels)
+        .def("bounds", &Image::bounds,
+             "(least, largest) value of any texel; (0, 1) for uint8, infinite where one is not a number.");
 
     m.def(
         "load_obj",

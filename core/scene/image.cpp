@@ -1,6 +1,10 @@
 #include "scene/image.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
+#include <type_traits>
 
 #include "base/match.h"
 
@@ -96,6 +100,23 @@ template <class F>
 }
 
 } // namespace
+
+std::array<float, 2> Image::bounds() const {
+    constexpr float infinity = std::numeric_limits<float>::infinity();
+    return match(texels, [&](const auto &values) -> std::array<float, 2> {
+        if constexpr (std::is_same_v<std::decay_t<decltype(values)>, std::vector<std::uint8_t>>) {
+            return {0, 1};
+        } else {
+            std::array<float, 2> result{infinity, -infinity};
+            for (const auto value : values) {
+                const auto x = static_cast<float>(value);
+                if (std::isnan(x)) return {-infinity, infinity};
+                result = {std::min(result[0], x), std::max(result[1], x)};
+            }
+            return result;
+        }
+    });
+}
 
 Spectrum nearest(const Image &image, Vec2f position, WrapMode mode) {
     const std::int32_t x = wrap(static_cast<std::int32_t>(std::floor(bounded(position.x))),

@@ -23,6 +23,8 @@ struct Image {
     std::size_t bytes() const;
     // Linear value of a texel; x < width, y < height.
     Spectrum texel(std::uint32_t x, std::uint32_t y) const;
+    // The least and the largest value that any texel may have; both infinite where one is not a number.
+    std::array<float, 2> bounds() const;
 };
 
 enum class WrapMode { repeat, mirror, clamp, zero, one };

@@ -73,6 +73,10 @@ UvGradient Bitmap::sharp_gradient(Vec2f uv) const {
     return {by_x * u.x + by_y * u.y, by_x * v.x + by_y * v.y};
 }
 
+void ClampedTexture::build() {
+    if (low > high) throw std::invalid_argument("\"low\" must not be above \"high\"");
+}
+
 void MeshAttribute::build() {
     if (!attribute.starts_with("vertex_") && !attribute.starts_with("face_"))
         throw std::invalid_argument("the name of a mesh attribute begins with vertex_ or face_, not \"" +

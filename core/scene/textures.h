@@ -122,6 +122,30 @@ struct ScaledTexture {
     }
 };
 
+struct ClampedTexture {
+    static constexpr const char *name = "clamped";
+    static constexpr const char *doc = "A texture whose values are brought between two limits.";
+    Texture<Spectrum> texture{Spectrum(1)};
+    float low = 0, high = 1;
+
+    static constexpr auto fields() {
+        return std::tuple(field("texture", &ClampedTexture::texture, "what is clamped"),
+                          field("low", &ClampedTexture::low, "the smallest value, also of what is no number"),
+                          field("high", &ClampedTexture::high, "the largest value"));
+    }
+    void build();
+    Spectrum evaluate(const TexturePoint &, const auto &read) const {
+        return min(max(Spectrum(low), read(texture)), Spectrum(high)); // this order takes NaN to `low`
+    }
+    UvGradient gradient(const TexturePoint &, const auto &read) const {
+        const Spectrum value = read(texture);
+        const auto inside = [&](float x) { return x > low && x < high ? 1.0f : 0.0f; };
+        const Spectrum kept{inside(value.x), inside(value.y), inside(value.z)};
+        const UvGradient slope = read.gradient(texture);
+        return {slope.by_u * kept, slope.by_v * kept};
+    }
+};
+
 struct MeshAttribute {
     static constexpr const char *name = "mesh_attribute";
     static constexpr const char *doc = "Numbers or colours that a mesh carries at its vertices or faces.";
@@ -188,8 +212,8 @@ private:
     Spectrum look_up(const TexturePoint &at) const;
 };
 
-using TextureModel = std::variant<Bitmap, Checkerboard, GridTexture, ScaledTexture, MeshAttribute, Wireframe,
-                                  CurvatureTexture>;
+using TextureModel = std::variant<Bitmap, Checkerboard, GridTexture, ScaledTexture, ClampedTexture,
+                                  MeshAttribute, Wireframe, CurvatureTexture>;
 
 // Reads texture handles at one point. This is the `read` that models prepare with.
 class TextureReader {

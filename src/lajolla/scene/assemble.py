@@ -141,9 +141,10 @@ def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
 def _warn_of_missing_attributes(builder: Builder) -> None:
     known = {name for shape in builder.shapes if "mesh" in shape for name in shape["mesh"].attributes}
     for i, texture in enumerate(builder.textures):
-        if texture["type"] == "mesh_attribute" and texture["name"] not in known:
-            message = f'no mesh has the attribute "{texture["name"]}"; it is black'
-            hint = did_you_mean(texture["name"], known)
+        name = texture.get("name", "vertex_color")
+        if texture["type"] == "mesh_attribute" and name not in known:
+            message = f'no mesh has the attribute "{name}"; it is black'
+            hint = did_you_mean(name, known)
             builder.diagnostics.warn(message + hint, builder.places[f"textures[{i}]"])
 
 

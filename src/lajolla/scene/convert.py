@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .bounds import bounds_of, within
 from .errors import SceneError, did_you_mean
 from .files import find_file
 from .ior import index_of_refraction
@@ -130,8 +131,10 @@ def _transform(builder: Builder, owner: Node, prop: Property, field: Field) -> n
 
 def _texture_spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
     value = constant_or_texture(builder, prop)
-    if isinstance(value, dict) or value is None:
-        return value
+    if value is None:
+        return None
+    if isinstance(value, dict):
+        return _clamp_texture(builder, owner, value, prop, field)
     if isinstance(value, int | float):
         rgb = (float(value),) * 3
     else:
@@ -144,8 +147,6 @@ def _texture_spectrum(builder: Builder, owner: Node, prop: Property, field: Fiel
 def _texture_float(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
     """A colour stands for the mean of its channels, as in Mitsuba 3."""
     value = _texture_spectrum(builder, owner, prop, field)
-    if isinstance(value, dict) and isinstance(prop.value, Node):
-        return builder.number_texture(prop.value, value)
     if isinstance(value, dict) or value is None:
         return value
     return _mean(value)
@@ -219,6 +220,24 @@ def _clamp(
         bounds = f"below {low:g}" if min(rgb) < low else f"above {high:g}"
         builder.diagnostics.warn(f'"{prop.name}" of {owner} is {bounds} ({shown}) and clamped', prop.location)
     return clamped
+
+
+def _clamp_texture(
+    builder: Builder, owner: Node, value: dict[str, int], prop: Property, field: Field
+) -> dict[str, int]:
+    """The texture, with its values brought into the field's range where they may leave it."""
+    node = prop.value if isinstance(prop.value, Node) else owner
+    if field.type == "texture_float":
+        value = builder.number_texture(node, value)
+    (low, high), found = _limits(field), bounds_of(builder, value)
+    if found is not None:
+        below = [f"below {low:g}"] if found[0] < low - 1e-4 else []
+        above = [f"above {high:g}"] if found[1] > high + 1e-4 else []
+        if below or above:
+            where = " and ".join(below + above)
+            message = f'"{prop.name}" of {owner} is {where} somewhere and clamped'
+            builder.diagnostics.warn(message, prop.location)
+    return within(builder, value, (low, high), node)
 
 
 def _object(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:

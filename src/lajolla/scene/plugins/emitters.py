@@ -58,6 +58,8 @@ def _projector(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str
     """The picture's own shape decides which way it is wide."""
     picture = values.get("irradiance")
     entry = builder.textures[picture["texture"]] if isinstance(picture, dict) else {}
+    if entry.get("type") == "clamped":
+        entry = builder.textures[entry["texture"]["texture"]]
     image = entry.get("image")
     values["aspect"] = image.width / image.height if image is not None else 1.0
     lens = field_of_view(node, values)
