@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from oracle import Setup, default_variant, differences, render_with_lajolla, render_with_mitsuba
 
-from lajolla import _core, cli
-from lajolla.scene import export
+from lajolla import _core, cli, image
+from lajolla.catalog import catalog
+from lajolla.scene import export, load_description
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 SETUP = Setup(max_depth=8)
@@ -67,6 +68,18 @@ def check_means(path: Path, target: Path, setup: Setup, spp: int) -> None:
     assert not found, "\n".join(found)
 
 
+def load_with_mitsuba(path: Path) -> str:
+    """Why the mitsuba package refuses a file; empty when it does not."""
+    mitsuba = pytest.importorskip("mitsuba")
+    mitsuba.set_variant("scalar_rgb")
+    mitsuba.set_log_level(mitsuba.LogLevel.Error)
+    try:
+        mitsuba.load_file(str(path))
+    except RuntimeError as problem:
+        return str(problem)
+    return ""
+
+
 def test_an_old_scene(old_scene: Path, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     check_means(old_scene, tmp_path / "out" / "new.xml", SETUP, 1024)
@@ -80,23 +93,24 @@ def test_real_scenes(name: str, size: tuple[int, int], shared_scenes: Path, tmp_
     check_means(shared_scenes / name, tmp_path / "new.xml", Setup(*size), 512)
 
 
-def test_every_scene_loads(shared_scenes: Path, tmp_path: Path) -> None:
-    """The mitsuba package, which refuses properties that it does not know, opens every result."""
-    mitsuba = pytest.importorskip("mitsuba")
-    mitsuba.set_variant("scalar_rgb")
-    mitsuba.set_log_level(mitsuba.LogLevel.Error)
+def test_every_scene_loads(shared_scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The mitsuba package, which refuses properties that it does not know, opens every result; so does
+    lajolla, without a warning that the scene or converting it did not cause."""
     scenes = [
         p for p in sorted(shared_scenes.rglob("*.xml")) if p.parent.name not in ("include", "fragments")
     ]
     refused = []
+    target = tmp_path / "scene.xml"
     for path in scenes:
         if "_rand_" in path.name:  # differ from the scene beside them in numbers only
             continue
-        assert cli.main(["convert", str(path), str(tmp_path / "scene.xml")]) == 0
-        try:
-            mitsuba.load_file(str(tmp_path / "scene.xml"))
-        except RuntimeError as problem:
+        capsys.readouterr()
+        assert cli.main(["convert", str(path), str(target)]) == 0
+        told = capsys.readouterr().err
+        if problem := load_with_mitsuba(target):
             refused.append(f"{path}: {problem}")
+        new = [w.message for w in load_description(target).warnings if w.message not in told]
+        refused += [f"{path}: {message}" for message in new]
     assert refused == []
 
 
@@ -123,3 +137,131 @@ def test_what_cannot_be_written_is_told(tmp_path: Path, capsys: pytest.CaptureFi
     assert "is the scene itself" in capsys.readouterr().err
     assert cli.main(["convert", str(path), str(tmp_path / "nowhere" / "new.xml")]) == 1
     assert "nowhere" in capsys.readouterr().err
+
+
+def converted(content: str, folder: Path) -> tuple[str, list[str]]:
+    """What becomes of a scene, which both renderers open, and the warnings of converting it."""
+    path, target = folder / "scene.xml", folder / "new.xml"
+    path.write_text(f'<scene version="3.0.0"><integrator type="volpath"/>{content}</scene>')
+    told = {warning.message for warning in export(path, target).warnings}
+    assert cli.main(["convert", str(path), str(target)]) == 0
+    text = target.read_text()
+    assert load_with_mitsuba(target) == "", text
+    assert {warning.message for warning in load_description(target).warnings} <= told, text
+    return text, sorted(told)
+
+
+CAMERA = '<sensor type="perspective"><film type="hdrfilm"/></sensor>'
+SPHERE = '<shape type="sphere">%s</shape>'
+RED = '<bsdf type="diffuse"><rgb name="reflectance" value="0.5, 0, 0"/></bsdf>'
+
+
+@pytest.mark.parametrize("name", ["sigma_t", "albedo", "sigma_a", "sigma_s"])
+def test_a_homogeneous_medium_takes_constant_volumes(name: str, tmp_path: Path) -> None:
+    value = '<{0} name="{1}" {2}value="0.1, 0.2, 0.3"/>'
+    medium = '<medium name="interior" type="homogeneous">%s</medium>'
+    volume = f'<volume name="{name}" type="constvolume">{value.format("rgb", "value", "")}</volume>'
+    means = []
+    for coefficient in (value.format("rgb", name, ""), volume):
+        converted(CAMERA + SPHERE % (medium % coefficient), tmp_path)
+        means += [load_description(tmp_path / file).core["media"][0] for file in ("scene.xml", "new.xml")]
+    for entry in means[1:]:
+        assert np.allclose(entry["sigma_a"], means[0]["sigma_a"], atol=1e-6)
+        assert np.allclose(entry["sigma_s"], means[0]["sigma_s"], atol=1e-6)
+
+
+def test_lists_of_numbers_survive(tmp_path: Path) -> None:
+    phase = '<phase type="tabphase"><string name="values" value="0.5 1, 1.5"/></phase>'
+    text, _ = converted(
+        CAMERA + SPHERE % f'<medium type="homogeneous" name="interior">{phase}</medium>', tmp_path
+    )
+    assert '"0.5, 1, 1.5"' in text
+    assert load_description(tmp_path / "new.xml").core["phases"][0]["values"] == (0.5, 1.0, 1.5)
+
+
+GROUP = f"""<shape type="shapegroup" id="inner">{SPHERE % RED}{SPHERE % '<emitter type="area"/>'}</shape>
+    <shape type="shapegroup" id="outer"><shape type="cube"/><shape type="instance"><ref id="inner"/>
+        <transform name="to_world"><translate x="3"/></transform></shape></shape>"""
+INSTANCE = """<shape type="instance"><ref id="outer"/><transform name="to_world"><scale x="-1"/></transform>
+    </shape><shape type="instance"><ref id="outer"/></shape>"""
+
+
+def test_groups_within_groups_and_their_lights(tmp_path: Path) -> None:
+    """Mitsuba 3 has neither; what is seen stays the same."""
+    converted(CAMERA + GROUP + INSTANCE, tmp_path)
+    old, new = (load_description(tmp_path / name).core for name in ("scene.xml", "new.xml"))
+    for kind in ("shapes", "groups", "instances", "emitters"):
+        assert len(old[kind]) == len(new[kind])
+    places = [sorted(map(str, (i["to_world"] for i in core["instances"]))) for core in (old, new)]
+    assert places[0] == places[1]
+
+
+TEXTURE = '<texture type="checkerboard"/>'
+REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is told of it
+    "aperture": ('<sensor type="thinlens"><film type="hdrfilm"/></sensor>', ""),
+    "two bsdfs": (CAMERA + SPHERE % (RED + '<bsdf type="dielectric"/>'), "only this one counts"),
+    "unnamed texture": (CAMERA + SPHERE % f'<bsdf type="diffuse">{TEXTURE}</bsdf>', "has no use for"),
+    "colours": (
+        CAMERA
+        + SPHERE
+        % f"""<bsdf type="diffuse">{
+            TEXTURE.replace("/>", ' name="reflectance"><rgb name="color1" value="3"/></texture>')
+        }</bsdf>""",
+        "is above 1",
+    ),
+    "environments": (CAMERA + '<emitter type="constant"/>' * 2, "one light around a scene"),
+    "one ray": (
+        '<sensor type="radiancemeter"><film type="hdrfilm"><integer name="width" value="8"/></film></sensor>',
+        "has one pixel",
+    ),
+    "missing file": (
+        CAMERA + SPHERE % '<bsdf type="measured"><string name="filename" value="x.bsdf"/></bsdf>',
+        "is left out",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_mitsuba_refuses_is_not_written(case: str, tmp_path: Path) -> None:
+    content, expected = REFUSED[case]
+    _, told = converted(content, tmp_path)
+    assert expected in " ".join(told)
+
+
+DIFFUSE = '<bsdf type="diffuse"/>'
+IMAGE = '<string name="filename" value="picture.exr"/>'
+WITHIN = {  # what a plugin cannot do without
+    "twosided": DIFFUSE,
+    "mask": DIFFUSE,
+    "coating": DIFFUSE,
+    "roughcoating": DIFFUSE,
+    "blendbsdf": DIFFUSE * 2,
+    "mixturebsdf": DIFFUSE + '<string name="weights" value="0.5"/>',
+    "bumpmap": DIFFUSE + TEXTURE,
+    "normalmap": DIFFUSE + TEXTURE,
+    "measured": '<string name="filename" value="missing.bsdf"/>',
+    "envmap": IMAGE,
+    "projector": IMAGE,
+    "blendphase": '<phase type="isotropic"/><phase type="hg"/>',
+}
+INSIDE = {  # the place of a plugin in a scene
+    "bsdf": SPHERE,
+    "emitter": '%s<emitter type="point"/>',
+    "phase": SPHERE % '<medium type="homogeneous" name="interior">%s</medium>',
+    "medium": SPHERE,
+}
+SAME = {"sun": "sunsky", "sky": "sunsky", "mixturebsdf": "blendbsdf"}  # the other's special case
+
+
+@pytest.mark.parametrize("kind", INSIDE)
+def test_every_plugin_is_written_or_told(kind: str, tmp_path: Path) -> None:
+    """With its defaults, under its own name or with a warning."""
+    image.write(tmp_path / "picture.exr", np.full((4, 8, 3), 0.5, np.float32))
+    for name in sorted(catalog()[kind]):
+        named = ' name="interior"' if kind == "medium" else ""
+        place = SPHERE if name == "area" else INSIDE[kind]
+        plugin = f'<{kind} type="{name}"{named}>{WITHIN.get(name, "")}</{kind}>'
+        text, told = converted(CAMERA + place % plugin, tmp_path)
+        assert f'type="{SAME.get(name, name)}"' in text or any(f'{kind} "{name}"' in line for line in told), (
+            text
+        )

@@ -155,22 +155,22 @@ class Builder:
         kept = node.properties
         if name != misspelt(node, names):  # what another plugin has is no mistake of the file's
             known = {f.name for f in plugin.fields}
-            kept = [p for p in kept if p.name in known or _is_child(p.value, plugin)]
+            kept = [p for p in kept if p.name in known or is_child(p.value, plugin)]
         return Node(node.kind, plugin.name, node.location, node.plugin_location, node.id, kept)
 
     def values(self, node: Node, plugin: Plugin) -> dict[str, Any]:
         """The node's properties as fields of the plugin; unknown ones are told."""
         fields = {f.name: f for f in plugin.fields}
         values: dict[str, Any] = {}
-        for name, prop in _named(node, fields):
+        for name, prop in named(node, fields):
             if _is_texture(prop.value) and self.texture(prop.value) is None:
                 continue  # left out, as was told
-            if name in fields and not _is_child(prop.value, plugin):
+            if name in fields and not is_child(prop.value, plugin):
                 if _is_texture(prop.value) and not self.fits(prop.value, fields[name]):
                     self.tell_texture(node, prop.name)
                     continue
                 values[name] = convert(self, node, prop, fields[name])
-            elif not _is_child(prop.value, plugin) and prop.name not in HARMLESS.get(node.kind, ()):
+            elif not is_child(prop.value, plugin) and prop.name not in HARMLESS.get(node.kind, ()):
                 self.tell_unknown(node, prop, fields)
         return values
 
@@ -296,7 +296,7 @@ def _described(material: MaterialId) -> Content:
     return {"adapter": material.index} if isinstance(material, AdapterId) else material
 
 
-def _named(node: Node, fields: Mapping[str, Field]) -> Iterator[tuple[str, Property]]:
+def named(node: Node, fields: Mapping[str, Field]) -> Iterator[tuple[str, Property]]:
     """The properties with the names of the fields that they mean.
 
     Phase functions go to the fields of their type, in order, unless they are named as one.
@@ -312,5 +312,5 @@ def _is_texture(value: object) -> TypeGuard[Node]:
     return isinstance(value, Node) and value.kind == "texture"
 
 
-def _is_child(value: object, plugin: Plugin) -> bool:
+def is_child(value: object, plugin: Plugin) -> bool:
     return isinstance(value, Node) and value.kind in plugin.children

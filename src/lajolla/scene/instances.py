@@ -41,18 +41,18 @@ def add_instance(builder: Builder, node: Node, add_shape: AddShape) -> None:
     Raises:
         SceneError: there is not one shape group in it, or it would be too many objects.
     """
-    group_node = _group_of(builder, node)
+    group_node = group_of(builder, node)
     if len(builder.instances) + _size(group_node, {}) > MOST_INSTANCES:
         raise SceneError(f"the scene has more than {MOST_INSTANCES:,} instances", node.location)
     contents = _contents(builder, group_node, add_shape)
-    matrix = _matrix(builder, node)
+    matrix = placement(builder, node)
     for placed, group in contents.groups:
         builder.add("instances", {"group": group, "to_world": matrix @ placed}, node)
     for placed, light in contents.lights:
         _add_light(builder, light, matrix @ placed, add_shape)
 
 
-def _group_of(builder: Builder, node: Node) -> Node:
+def group_of(builder: Builder, node: Node) -> Node:
     groups = [child for _, child in node.children("shape")]
     if not groups or any(group.plugin.lower() != "shapegroup" for group in groups):
         raise SceneError(f'{node} needs a shape "shapegroup" inside, or a reference to one', node.location)
@@ -81,14 +81,14 @@ def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
 def _build(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
     contents = Contents([], [])
     members: list[int] = []
-    for child in _children(group):
+    for child in members_of(group):
         name = child.plugin.lower()
         if name == "shapegroup":
             contents.extend(np.eye(4), _contents(builder, child, add_shape))
         elif name == "instance":
             builder.construct(child)
-            inner = _contents(builder, _group_of(builder, child), add_shape)
-            contents.extend(_matrix(builder, child), inner)
+            inner = _contents(builder, group_of(builder, child), add_shape)
+            contents.extend(placement(builder, child), inner)
         elif any(emitter.plugin.lower() == "area" for _, emitter in child.children("emitter")):
             contents.lights.append((np.eye(4), child))
         else:
@@ -100,16 +100,16 @@ def _build(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
     return contents
 
 
-def _children(group: Node) -> Iterator[Node]:
+def members_of(group: Node) -> Iterator[Node]:
     """The shapes of a group, and those that are merged in it."""
     for _, child in group.children("shape"):
         if child.plugin.lower() == "merge":
-            yield from _children(child)
+            yield from members_of(child)
         else:
             yield child
 
 
-def _matrix(builder: Builder, node: Node) -> Array:
+def placement(builder: Builder, node: Node) -> Array:
     prop = node.find("to_world")
     return np.eye(4) if prop is None else convert(builder, node, prop, TO_WORLD)
 
@@ -118,14 +118,15 @@ def _add_light(builder: Builder, light: Node, matrix: Array, add_shape: AddShape
     """Adds a shape of a group as if it stood in the scene itself."""
     place = light.property_location("to_world")
     kept = light.without(["to_world"])
-    placed = Property("to_world", matrix @ _matrix(builder, light), place, place)
+    placed = Property("to_world", matrix @ placement(builder, light), place, place)
     added = add_shape(builder, replace(light, properties=[*kept, placed]))
     if np.linalg.det(matrix[:3, :3]) < 0:
         for index in added:
-            _keep_orientation(builder.shapes[index])
+            shape = builder.shapes[index]
+            if not keeps_sides(shape):
+                shape["flip_normals"] = not shape.get("flip_normals", False)
 
 
-def _keep_orientation(shape: dict[str, Any]) -> None:
-    """A mirror turns faces around whose side follows from the order of their vertices."""
-    if shape["type"] == "mesh" and (shape["mesh"].normals is None or shape.get("face_normals")):
-        shape["flip_normals"] = not shape.get("flip_normals", False)
+def keeps_sides(shape: dict[str, Any]) -> bool:
+    """Whether a mirror leaves the sides as they are: it turns those that the order of vertices tells."""
+    return shape["type"] != "mesh" or not (shape["mesh"].normals is None or shape.get("face_normals"))

@@ -7,6 +7,7 @@ something itself.
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,10 +15,23 @@ from typing import Any
 
 import numpy as np
 
-from .build import Builder
+from .assemble import NEVER_LIGHTS
+from .build import Builder, is_child, named
 from .convert import constant_or_texture, convert
+from .files import MissingFile
 from .images import Pixels, is_integer_file, read_pixels
-from .mitsuba3_plugins import ADAPTERS, HAS, NEAREST, OTHERWISE, having, having_bsdf, like, with_boundary
+from .mitsuba3_instances import Contents, group, instances
+from .mitsuba3_plugins import (
+    ADAPTERS,
+    HAS,
+    NEAREST,
+    OTHERWISE,
+    REQUIRED,
+    having,
+    having_bsdf,
+    like,
+    with_boundary,
+)
 from .nodes import Node, Property, Rgb, Value, Vector
 from .plugins import colours
 from .plugins.textures import decode
@@ -27,7 +41,12 @@ from .schema import Field, Part, Plugin
 # Properties of ours that only say how to find what is written already, or that no other renderer has.
 OURS = ("strategy", "version", "multiscatter")
 OBJ_ONLY = ("collapse", "load_materials", "max_smooth_angle")
-GROUPS = ("shapegroup", "instance")
+ENVIRONMENTS = ("constant", "envmap", "sunsky")
+# Kinds of children of which one counts; of bsdfs in pairs two.
+COUNTED = {"scene": ("integrator",), "sensor": ("film", "sampler", "medium"), "film": ("rfilter",)}
+COUNTED |= {"shape": ("bsdf", "emitter"), "bsdf": ("bsdf",)}
+PAIRS = ("twosided", "blendbsdf")
+MAPS = ("bumpmap", "normalmap")
 CONSTANTS = {plugin.name for plugin in colours.PLUGINS}
 
 
@@ -46,6 +65,7 @@ class Translator:
     packed: dict[str, bytes | Pixels] = field(default_factory=dict)
     done: dict[Node, Node | None] = field(default_factory=dict)
     made: dict[Node, list[Node]] = field(default_factory=dict)  # of shapes
+    groups: dict[Node, Contents] = field(default_factory=dict)
 
     def scene(self, root: Node, core: Mapping[str, Any]) -> Node:
         """The whole scene, with the integrator and the camera of its description where it has none itself."""
@@ -53,10 +73,15 @@ class Translator:
         for kind in ("integrator", "sensor"):
             if not any(root.children(kind)):
                 result.properties.append(self._described(root, kind, core[kind]))
-        for prop in root.properties:
-            if isinstance(prop.value, Node):
-                for child in self._values(root, prop, None):
-                    result.properties.append(Property(prop.name, child, prop.location, prop.name_location))
+        around = None
+        for prop in _counted(root, root.properties):
+            for child in self._values(root, prop, None) if isinstance(prop.value, Node) else ():
+                if isinstance(child, Node) and child.kind == "emitter" and child.plugin in ENVIRONMENTS:
+                    if around is not None:
+                        self.warn(child, f"Mitsuba 3 has one light around a scene; {child} is left out")
+                        continue
+                    around = child
+                result.properties.append(Property(prop.name, child, prop.location, prop.name_location))
         return result
 
     def _described(self, root: Node, kind: str, entry: Mapping[str, Any]) -> Property:
@@ -69,17 +94,28 @@ class Translator:
         """The node in Mitsuba 3's words; None when it is left out."""
         if node not in self.done:
             known = self.builder.known(node)
-            self.done[node] = None if known is None else self._translate(known)
+            try:
+                self.done[node] = None if known is None else self._translate(known)
+            except MissingFile:  # reading the scene told of it
+                self.done[node] = None
         return self.done[node]
 
     def _properties(self, node: Node, plugin: Plugin) -> Node:
         """The node with each of its properties translated."""
         result = like(node, plugin.name)
         fields = {f.name: f for f in plugin.fields}
-        for prop in node.properties:
-            for value in self._values(node, prop, fields.get(prop.name)):
-                if prop.name not in OURS:
-                    result.properties.append(Property(prop.name, value, prop.location, prop.name_location))
+        meant = {
+            id(prop): fields.get(name)
+            for name, prop in named(node, fields)
+            if name in fields or is_child(prop.value, plugin)
+        }
+        used = [prop for prop in node.properties if id(prop) in meant and prop.name not in OURS]
+        for prop in _counted(node, used):
+            for value in self._values(node, prop, meant[id(prop)]):
+                result.properties.append(Property(prop.name, value, prop.location, prop.name_location))
+        for name in REQUIRED.get((node.kind, plugin.name), ()):
+            if result.find(name) is None:
+                result = having(result, **{name: fields[name].default})
         return result
 
     def _values(self, node: Node, prop: Property, field: Field | None) -> list[Value]:
@@ -134,8 +170,9 @@ class Translator:
         self.warn(node, f"Mitsuba 3 has no {node}; {used}")
         if not name:
             return None
-        known = {f.name for f in self.builder.table[node.kind][name].fields}
-        kept = [p for p in node.properties if p.name in known or (isinstance(p.value, Node) and not p.name)]
+        plugin = self.builder.table[node.kind][name]
+        known = {f.name for f in plugin.fields}
+        kept = [p for p in node.properties if p.name in known or is_child(p.value, plugin)]
         return Node(node.kind, name, node.location, node.plugin_location, node.id, kept)
 
     def warn(self, node: Node, message: str) -> None:
@@ -157,7 +194,10 @@ class Translator:
         """A shape under its own name where Mitsuba 3 makes the same of it, else as the meshes that it is."""
         if node not in self.made:
             known = self.builder.known(node)
-            self.made[node] = [] if known is None else self._shapes(known)
+            try:
+                self.made[node] = [] if known is None else self._shapes(known)
+            except MissingFile:  # reading the scene told of it
+                self.made[node] = []
         return self.made[node]
 
     def _shapes(self, node: Node) -> list[Node]:
@@ -165,9 +205,11 @@ class Translator:
         assert plugin is not None
         if plugin.name == "merge":
             return [shape for _, child in node.children("shape") for shape in self.shapes(child)]
+        if plugin.name == "shapegroup":
+            return group(self, node)
+        if plugin.name == "instance":
+            return instances(self, node)
         result = with_boundary(self._properties(node, plugin))
-        if plugin.name in GROUPS:
-            return [result]
         entry = self.builder.construct(node)
         if entry is None:
             return []
@@ -196,3 +238,32 @@ class Translator:
             indexed = node.plugin == "obj" and node.find("shape_index") is not None
             return self.pack or indexed or node.find("max_smooth_angle") is not None
         return node.plugin in ("sphere", "cylinder") and entry["type"] == "mesh"
+
+
+def _counted(node: Node, properties: list[Property]) -> list[Property]:
+    """The properties without the children that are more than their place has use for."""
+    name = node.plugin.lower()
+    kinds = () if name == "mixturebsdf" else COUNTED.get(node.kind, ())
+    kinds += ("texture",) if name in MAPS else ()
+    most = 2 if name in PAIRS else 1
+    met: Counter[str] = Counter()
+    result = []
+    for prop in properties:
+        kind = prop.value.kind if isinstance(prop.value, Node) else ""
+        met[kind] += 1
+        if kind in kinds and met[kind] > most:
+            continue
+        if node.kind == "shape" and not _has_use(node, prop):
+            continue
+        result.append(prop)
+    return result
+
+
+def _has_use(shape: Node, prop: Property) -> bool:
+    """Whether a child of a shape has a meaning there, as when the scene is rendered."""
+    child = prop.value
+    if not isinstance(child, Node) or child.kind not in ("emitter", "medium"):
+        return True
+    if child.kind == "medium":
+        return prop.name in ("interior", "exterior")
+    return child.plugin.lower() == "area" and shape.plugin.lower() not in NEVER_LIGHTS

@@ -51,6 +51,13 @@ OTHERWISE = {
     "bsdf": "diffuse",
     "phase": "isotropic",
 }
+# What Mitsuba 3 insists on, and we have a default for.
+REQUIRED = {
+    ("sensor", "thinlens"): ("aperture_radius",),
+    ("bsdf", "blendbsdf"): ("weight",),
+    ("phase", "blendphase"): ("weight",),
+    ("phase", "tabphase"): ("values",),
+}
 
 
 def like(node: Node, plugin: str) -> Node:
@@ -89,6 +96,14 @@ def _renamed(node: Node, plugin: str, *without: str, **values: Value) -> Node:
 
 # What needs more than its own name: each takes the node as it was read and as
 # translated property by property, and gives the one to write.
+
+
+def _normal_map(translator: Translator, read: Node, node: Node) -> Node:
+    """The texture under its name; the reader takes any."""
+    textures = [child for _, child in node.children("texture")]
+    kept = [p for p in node.properties if not (isinstance(p.value, Node) and p.value.kind == "texture")]
+    plain = Node(node.kind, node.plugin, node.location, node.plugin_location, node.id, kept)
+    return having(plain, normalmap=textures[0]) if textures else node
 
 
 def _mixture(translator: Translator, read: Node, node: Node) -> Node | None:
@@ -204,6 +219,17 @@ def _bitmap(translator: Translator, read: Node, node: Node) -> Node:
     return having(result, raw=True) if gamma == 1 else result
 
 
+def _checkerboard(translator: Translator, read: Node, node: Node) -> Node:
+    """Colours of textures end at one."""
+    for name in ("color0", "color1"):
+        value = getattr(node.find(name), "value", None)
+        if isinstance(value, Rgb) and max(value.values) > 1:
+            translator.warn(node, f'"{name}" of {node} is above 1, where Mitsuba 3 ends, and clamped')
+            red, green, blue = (min(v, 1.0) for v in value.values)
+            node = having(node, **{name: Rgb((red, green, blue))})
+    return node
+
+
 def _vertex_colors(translator: Translator, read: Node, node: Node) -> Node:
     return _renamed(node, "mesh_attribute", name="vertex_color")
 
@@ -216,6 +242,21 @@ def _sensor(translator: Translator, read: Node, node: Node) -> Node | None:
         matrix[:3, :3] /= np.linalg.norm(matrix[:3, :3], axis=0)
         node = having(node, to_world=matrix)
     return node if node.plugin in HAS["sensor"].split() else translator.nearest(node)
+
+
+def _radiancemeter(translator: Translator, read: Node, node: Node) -> Node:
+    """One ray, one pixel."""
+    films = [prop.value for prop, _ in node.children("film")] or [
+        Node("film", "hdrfilm", node.location, node.location)
+    ]
+    sizes = [getattr(film.find(name), "value", 1) for film in films for name in ("width", "height")]
+    if any(size != 1 for size in sizes):
+        translator.warn(node, f"the film of a {node} of Mitsuba 3 has one pixel; its size is left out")
+    small = [having(like(film, film.plugin), width=1, height=1) for film in films]
+    filters = [prop for film in films for prop, _ in film.children("rfilter")]
+    small[0].properties += filters
+    kept = [p for p in node.properties if not (isinstance(p.value, Node) and p.value.kind == "film")]
+    return _holding(Node("sensor", node.plugin, node.location, node.plugin_location, node.id, kept), *small)
 
 
 def _film(translator: Translator, read: Node, node: Node) -> Node:
@@ -232,6 +273,17 @@ def _sampler(translator: Translator, read: Node, node: Node) -> Node | None:
 def _path(translator: Translator, read: Node, node: Node) -> Node:
     roulette = getattr(node.find("rr_depth"), "value", None)
     return having(node, rr_depth=1) if roulette == 0 else node
+
+
+def _sggx(translator: Translator, read: Node, node: Node) -> Node:
+    """The matrix as a volume, which is all that Mitsuba 3 takes."""
+    matrix = translator.builder.construct(read).get("S", (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
+    if not isinstance(matrix, tuple):
+        return node
+    name = f"{translator.stem}-files/{len(translator.packed)}.vol"
+    translator.packed[name] = vol_bytes(np.array(matrix, np.float32).reshape(1, 1, 1, 6))
+    volume = having(Node("volume", "gridvolume", node.location, node.location), filename=name)
+    return having(node, S=volume)
 
 
 def _homogeneous(translator: Translator, read: Node, node: Node) -> Node | None:
@@ -304,11 +356,13 @@ ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("sensor", "perspective"): _sensor,
     ("sensor", "thinlens"): _sensor,
     ("sensor", "orthographic"): _sensor,
+    ("sensor", "radiancemeter"): _radiancemeter,
     **{("film", name): _film for name in ("hdrfilm", "ldrfilm", "mfilm", "tiledhdrfilm")},
     **{("sampler", name): _sampler for name in ("sobol", "halton", "hammersley", *HAS["sampler"].split())},
     ("bsdf", "mixturebsdf"): _mixture,
     ("bsdf", "coating"): _inner,
     ("bsdf", "roughcoating"): _inner,
+    ("bsdf", "normalmap"): _normal_map,
     ("bsdf", "conductor"): _conductor,
     ("bsdf", "roughconductor"): _conductor,
     ("bsdf", "roughdielectric"): _rough,
@@ -320,8 +374,10 @@ ADAPTERS: dict[tuple[str, str], Adapter] = {
     **{("emitter", name): _daylight for name in ("sun", "sky", "sunsky")},
     ("medium", "homogeneous"): _homogeneous,
     ("medium", "heterogeneous"): _heterogeneous,
+    ("phase", "sggx"): _sggx,
     ("volume", "gridvolume"): _grid_volume,
     ("texture", "bitmap"): _bitmap,
+    ("texture", "checkerboard"): _checkerboard,
     ("texture", "scale"): _inner,
     ("texture", "vertexcolors"): _vertex_colors,
 }

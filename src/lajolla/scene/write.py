@@ -92,6 +92,8 @@ def _tag_and_text(value: Value) -> tuple[str, str]:
         return "rgb", _numbers(*value.values)
     if isinstance(value, Vector):
         return "vector", _numbers(*value.xyz)
+    if isinstance(value, tuple | list):
+        return "string", ", ".join(map(_numbers, value))
     return "string", str(value).replace("$", "\\$")
 
 

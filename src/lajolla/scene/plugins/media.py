@@ -20,6 +20,10 @@ def _homogeneous(builder: Builder, node: Node, values: dict[str, Any]) -> dict[s
     if values.keys() & {"sigma_a", "sigma_s"} and values.keys() & {"sigma_t", "albedo"}:
         message = f'{node} takes "sigma_a" and "sigma_s", or "sigma_t" and "albedo", not both'
         raise SceneError(message, node.location)
+    for name in ("sigma_a", "sigma_s", "sigma_t"):
+        if isinstance(values.get(name), dict):
+            message = f'"{name}" of {node} must be the same everywhere; "heterogeneous" takes a grid'
+            raise SceneError(message, node.property_location(name))
     scale, material = values.pop("scale", 1.0), values.pop("material", "")
     volume = values.pop("albedo") if isinstance(values.get("albedo"), dict) else None
     sigma_a, sigma_s = _coefficients(node, values, material)
@@ -109,7 +113,7 @@ def _count_parts(builder: Builder, phase: int) -> int:
 
 
 def _coefficient(name: str, doc: str) -> Field:
-    return Field(name, "spectrum", doc, None, 0.0, unit="1/length")
+    return Field(name, "volume_spectrum", doc, None, 0.0, unit="1/length")
 
 
 MAX_PARTS = 4  # of a mixture, which the core puts side by side
@@ -118,7 +122,7 @@ ALBEDO = Field("albedo", "volume_spectrum", "fraction of the extinction that is 
 COEFFICIENTS = (
     _coefficient("sigma_a", "absorption; with sigma_s"),
     _coefficient("sigma_s", "scattering; with sigma_a"),
-    Field("sigma_t", "spectrum", "extinction; with albedo", 1.0, 0.0, unit="1/length"),
+    Field("sigma_t", "volume_spectrum", "extinction; with albedo", 1.0, 0.0, unit="1/length"),
     ALBEDO,
     Field("scale", "float", "multiplies the coefficients", 1.0, 0.0),
     Field("material", "string", "name of a measured medium, for what is not given", ""),
