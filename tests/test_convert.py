@@ -228,6 +228,15 @@ def test_what_mitsuba_refuses_is_not_written(case: str, tmp_path: Path) -> None:
     assert expected in " ".join(told)
 
 
+def test_the_last_camera_of_an_old_file_comes_first(tmp_path: Path) -> None:
+    path, target = tmp_path / "scene.xml", tmp_path / "new.xml"
+    cameras = '<sensor type="perspective"/><sensor type="orthographic"/>'
+    path.write_text(f'<scene version="0.6.0">{cameras}<emitter type="constant"/></scene>')
+    assert cli.main(["convert", str(path), str(target)]) == 0
+    sensors = [load_description(file).core["sensor"]["type"] for file in (path, target)]
+    assert sensors == ["orthographic"] * 2
+
+
 DIFFUSE = '<bsdf type="diffuse"/>'
 IMAGE = '<string name="filename" value="picture.exr"/>'
 WITHIN = {  # what a plugin cannot do without

@@ -74,7 +74,7 @@ class Translator:
             if not any(root.children(kind)):
                 result.properties.append(self._described(root, kind, core[kind]))
         around = None
-        for prop in _counted(root, root.properties):
+        for prop in _counted(root, _first_camera_first(root)):
             for child in self._values(root, prop, None) if isinstance(prop.value, Node) else ():
                 if isinstance(child, Node) and child.kind == "emitter" and child.plugin in ENVIRONMENTS:
                     if around is not None:
@@ -238,6 +238,15 @@ class Translator:
             indexed = node.plugin == "obj" and node.find("shape_index") is not None
             return self.pack or indexed or node.find("max_smooth_angle") is not None
         return node.plugin in ("sphere", "cylinder") and entry["type"] == "mesh"
+
+
+def _first_camera_first(root: Node) -> list[Property]:
+    """A scene's properties; of several sensors, files before 2.0 show the last and newer ones the first."""
+    sensors = [prop for prop, _ in root.children("sensor")]
+    if root.version >= (2, 0, 0) or len(sensors) < 2:
+        return root.properties
+    others = [p for p in root.properties if not (isinstance(p.value, Node) and p.value.kind == "sensor")]
+    return [*reversed(sensors), *others]
 
 
 def _counted(node: Node, properties: list[Property]) -> list[Property]:
