@@ -27,7 +27,8 @@ def render_seconds(scene: _core.Scene, spp: int, threads: int) -> float:
 
 def measure(path: str, options: argparse.Namespace) -> str:
     overrides = {"size": options.size} if options.size else {}
-    scene = lajolla.load(path, spp=options.spp, max_depth=options.max_depth, **overrides).core
+    overrides |= {"spp": options.spp, "integrator": "path", "max_depth": options.max_depth}
+    scene = lajolla.load(path, **overrides).core
     rays = _core.record_rays(scene, options.spp, options.threads)
     renders, replays = [], []
     for _ in range(options.runs + 1):  # the first pair warms up
