@@ -226,7 +226,8 @@ def command_convert(arguments: argparse.Namespace) -> int:
             image.write(path, content)
     with image.replacing(target) as temporary:
         temporary.write_text(result.text, encoding="utf-8")
-    files = f" and {len(result.files)} files in {target.stem}-files" if result.files else ""
+    count = len(result.files)
+    files = f" and {count} file{'s' if count > 1 else ''} in {target.stem}-files" if count else ""
     say(f"wrote {target}{files}")
     return 0
 

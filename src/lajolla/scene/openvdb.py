@@ -29,7 +29,6 @@ MAGIC = (b"NanoVDB0", b"NanoVDB1", b"NanoVDB2")
 FILE_HEADER = struct.Struct("<8sIHH")  # magic, version, grids, codec
 META_SIZE, META_NAME_SIZE, META_GRID_SIZE = 176, 136, 0
 NONE, ZIP, BLOSC = 0, 1, 2
-BLOSC_CHUNK = 1 << 30
 
 # Grid types by number, and their names.
 FLOAT, VEC3F, FP4, FP8, FP16, FPN = 1, 6, 13, 14, 15, 16
