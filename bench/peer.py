@@ -1,6 +1,6 @@
 """Render times of lajolla and of the mitsuba package, side by side.
 
-    python bench/peer.py [--runs 5] [--threads N] [--scenes FOLDER] [NAME ...]
+    python bench/peer.py [--runs 5] [--threads N] [--variant NAME] [--scenes FOLDER] [NAME ...]
 
 Both render the same scene files at the file's own film size, with 16 samples per pixel and paths of at most
 8 segments. Runs alternate, so that a busy machine slows both; the table gives medians of the render time. A
@@ -29,6 +29,10 @@ SCENES = {
     "sponza": "lajolla/sponza/sponza.xml",
     "matpreview": "lajolla/matpreview/matpreview.xml",
     "veach_mi": "lajolla/veach_mi/mi.xml",
+    "veach-ajar": "bitterli/veach-ajar/scene.xml",
+    "staircase2": "bitterli/staircase2/scene.xml",
+    "coffee": "bitterli/coffee/scene.xml",
+    "spaceship": "bitterli/spaceship/scene.xml",
 }
 SAMPLES = 16
 
@@ -85,12 +89,13 @@ def main() -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(SCENES)} (all)")
     parser.add_argument("--runs", type=int, default=5, help="counted runs of each renderer (%(default)s)")
     parser.add_argument("--threads", type=int, default=os.cpu_count(), help="threads of each (all cores)")
+    parser.add_argument("--variant", help="of Mitsuba (llvm_ad_rgb where there is LLVM)")
     parser.add_argument("--scenes", type=Path, default=ROOT.parent / "shared" / "scenes", help="scene folder")
     options = parser.parse_args()
     unknown = [name for name in options.names if name not in SCENES]
     if unknown or options.runs < 1 or options.threads < 1:
         parser.error(f"unknown scene {unknown[0]!r}" if unknown else "runs and threads must be positive")
-    variant = default_variant()
+    variant = options.variant or default_variant()
     import drjit as dr
     import mitsuba as mi
 
@@ -98,12 +103,15 @@ def main() -> int:
     dr.set_thread_count(options.threads)
     print(f"mitsuba {mi.__version__} ({variant}), {options.threads} threads, medians of {options.runs} runs")
     print(f"{'scene':12} {'lajolla [s]':>12} {'mitsuba [s]':>12} {'mitsuba / lajolla':>18}")
+    ratios = []
     for name in options.names or SCENES:
         path = options.scenes / SCENES[name]
         if not path.is_file():
             parser.error(f"no scene {path}; name the folder with --scenes")
         ours, theirs = compare(path, options.runs, options.threads, variant)
         print(f"{name:12} {ours:12.3f} {theirs:12.3f} {theirs / ours:18.2f}", flush=True)
+        ratios.append(theirs / ours)
+    print(f"geometric mean of the ratios: {statistics.geometric_mean(ratios):.2f}")
     return 0
 
 

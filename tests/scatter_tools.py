@@ -17,7 +17,6 @@ from statistics_tools import Draws, Sampled, compare, generator, require, roundi
 from lajolla import _core
 
 Settings = dict[str, object]
-SPECULAR = 2  # kinds from here on are delta
 
 MODELS: dict[str, dict] = _core.schema()["bsdf"]
 JOINT_SETTINGS = 4  # settings that change all fields at once, per model
@@ -60,7 +59,7 @@ def make_bsdf(description: Settings) -> Bsdf:
 
     def sample(wo: np.ndarray, u: np.ndarray) -> Draws:
         s = bsdf.sample_many(rows(wo), rows(u))
-        return Draws(s["wi"], s["weight"], s["pdf"], s["valid"], s["kind"] >= SPECULAR, s["eta"])
+        return Draws(s["wi"], s["weight"], s["pdf"], s["valid"], s["delta"], s["eta"])
 
     def evaluate(wo: np.ndarray, wi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return bsdf.eval_many(rows(wo), rows(wi))

@@ -15,6 +15,7 @@ import pytest
 from oracle import Estimate, Setup, render_with_lajolla, restate
 from reader_tools import error_of, messages, read, write_scene
 from scatter_tools import JOINT_SETTINGS, MODELS, Settings, direction, make_bsdf, random_value, settings_of
+from scipy import stats
 from statistics_tools import generator, uniforms
 
 import lajolla
@@ -227,12 +228,19 @@ def test_weights_are_bounded(name: str) -> None:
 # --- Scenes -----------------------------------------------------------------------------------------
 
 ALLOWANCE = 0.01  # the environment of these scenes is 0.4 % brighter than there, wherever one looks
+BLOCK = 16  # pixels
+SAMPLES, REFERENCE_SAMPLES = 8, 256  # per pixel, for means and their errors
+DARK = 0.05  # of the mean of the picture
+DEVIATIONS, FAMILY_WISE_ERROR = 4, 1e-3
 
 
 @pytest.mark.parametrize("name", ["diffuse", "metal", "clearcoat", "sheen", "bsdf"])
 def test_scenes_look_as_others_render_them(name: str) -> None:
-    """Channel means, and means of blocks of 16 x 16 pixels up to their noise.
+    """Channel means, and means of blocks of pixels: no more of them differ than chance allows.
 
+    A block that is nearly black in the other picture is lit by few paths, and where these are missing so is
+    the noise that would tell: means of a thousand samples are still far from normal there. Such blocks are
+    joined into one, as cells that expect few counts are. The others differ as normal numbers do.
     Of other completions of the homework, some differ from this metal by 7 %. Ours agrees with it.
     """
     scene, render = SCENES / f"disney_{name}.xml", RENDERS / f"disney_{name}.exr"
@@ -241,14 +249,20 @@ def test_scenes_look_as_others_render_them(name: str) -> None:
     import OpenImageIO as oiio
 
     theirs = np.asarray(oiio.ImageBuf(str(render)).get_pixels(oiio.FLOAT), dtype=np.float64)[..., :3]
-    ours = render_with_lajolla(scene, spp=2, batches=2, setup=Setup(max_depth=None))
-    squares = (ours.batches[0] - ours.batches[1]) ** 2 / 4  # estimates the variance of a pixel's mean
-    blocks = [Estimate(image[None]).blocks(16)[0] for image in (ours.mean, theirs, squares)]
-    a, b, error = blocks[0], blocks[1], np.sqrt(blocks[2]) / 16
-    excess = np.maximum(np.abs(a - b) - ALLOWANCE * b, 0) / error
-    assert np.mean(excess > 4) < 0.002, f"{np.mean(excess > 4):.2%} of the blocks differ"
-    ratio = a.mean((0, 1)) / b.mean((0, 1))
-    noise = np.sqrt((error**2).sum((0, 1))) / error[..., 0].size / b.mean((0, 1))
+    ours = render_with_lajolla(scene, spp=SAMPLES, batches=SAMPLES, setup=Setup(max_depth=None))
+    squares = ours.batches.var(axis=0, ddof=1) / SAMPLES  # estimates the variance of a pixel's mean
+    images = [Estimate(image[None]).blocks(BLOCK)[0] for image in (ours.mean, theirs, squares)]
+    dark = (images[1] < DARK * theirs.mean()).any(-1)
+    count = max(int(dark.sum()), 1)
+    a, b = (np.vstack([image[~dark], image[dark].sum(0)[None] / count]) for image in images[:2])
+    variance = np.vstack([images[2][~dark], images[2][dark].sum(0)[None] / count**2]) / BLOCK**2
+    error = np.sqrt(variance * (1 + SAMPLES / REFERENCE_SAMPLES))
+    differ = (np.abs(a - b) - ALLOWANCE * b > DEVIATIONS * error).any(-1)
+    chance = 3 * 2 * stats.norm.sf(DEVIATIONS)  # in any channel
+    at_most = stats.binom.isf(FAMILY_WISE_ERROR, len(differ), chance)
+    assert differ.sum() <= at_most, f"{differ.sum()} of {len(differ)} blocks differ, by chance {at_most}"
+    ratio = ours.mean.mean((0, 1)) / theirs.mean((0, 1))
+    noise = np.sqrt(squares.sum((0, 1))) / squares[..., 0].size / theirs.mean((0, 1))
     assert (np.abs(ratio - 1) < ALLOWANCE + 3 * noise).all(), f"means differ: {ratio}, noise {noise}"
 
 

@@ -10,102 +10,146 @@
 
 namespace lajolla {
 
+template <class Float>
+struct DistributionSample {
+    IntOf<Float> index;
+    Float probability;
+    Float rest; // u stretched back to [0,1) within the entry: one number serves twice
+};
+
+// What is tabulated of one distribution or of several, one behind the other, so that lanes can each look into
+// another one. A distribution of n entries takes n + 1 numbers of both arrays.
+struct CumulativeSums {
+    std::vector<float> cdf;          // of every entry the probability of all before it, and a last 1
+    std::vector<std::int32_t> guide; // guide[k] is the entry at u = k / n
+
+    // Appends a distribution that is proportional to non-negative weights, and returns their sum.
+    float append(std::span<const float> weights) {
+        double sum = 0;
+        for (const float w : weights) sum += w;
+        const std::size_t first = cdf.size();
+        const auto count = static_cast<double>(weights.size());
+        double running = 0;
+        cdf.push_back(0);
+        for (std::size_t i = 0; i < weights.size(); ++i) {
+            running += weights[i];
+            cdf.push_back(static_cast<float>(sum > 0 ? running / sum : static_cast<double>(i + 1) / count));
+        }
+        // Rounding must not leave a gap below one; entries of probability zero at the end stay at one too.
+        const auto sums = std::span(cdf).subspan(first);
+        if (!weights.empty()) std::replace(sums.begin() + 1, sums.end(), float(sums.back()), 1.0f);
+        std::size_t entry = 0;
+        for (std::size_t k = 0; k < sums.size(); ++k) {
+            const auto least = static_cast<float>(static_cast<double>(k) / count);
+            while (entry + 1 < weights.size() && sums[entry + 1] <= least) ++entry;
+            guide.push_back(static_cast<std::int32_t>(entry));
+        }
+        return static_cast<float>(sum);
+    }
+    void append(const CumulativeSums &other) {
+        cdf.insert(cdf.end(), other.cdf.begin(), other.cdf.end());
+        guide.insert(guide.end(), other.guide.begin(), other.guide.end());
+    }
+
+    // Samples the distribution of `size` entries whose numbers begin at `first`. It searches from where the
+    // guide table points, a step or two (Chen and Asau 1974), until the last lane has arrived.
+    template <class Float>
+    DistributionSample<Float> sample(IntOf<Float> first, Float size, Float u) const {
+        u = min(max(Float(0), u), Float(one_minus_ulp)); // keeps lanes that are off inside, even NaN
+        IntOf<Float> at = first + gather(guide.data(), first + to_int(u * size));
+        Float high = gather(cdf.data(), at + 1);
+        for (auto passed = high <= u; any(passed); passed = high <= u) {
+            at = select(passed, at + 1, at);
+            high = gather(cdf.data(), at + 1);
+        }
+        Float low = gather(cdf.data(), at);
+        for (auto before = low > u; any(before); before = low > u) { // where u * size was rounded up
+            high = select(before, low, high);
+            at = select(before, at - 1, at);
+            low = gather(cdf.data(), at);
+        }
+        const Float p = high - low;
+        return {at - first, p, min((u - low) / p, Float(one_minus_ulp))};
+    }
+};
+
 // Discrete over n entries, proportional to non-negative weights.
 class Distribution {
 public:
-    struct Sample {
-        std::uint32_t index;
-        float probability;
-        float rest; // u stretched back to [0,1) within the entry: one number serves twice
-    };
-
     Distribution() = default;
-    explicit Distribution(std::span<const float> weights) : cdf_(weights.size() + 1), guide_(weights.size()) {
-        double sum = 0;
-        for (const float w : weights) sum += w;
-        sum_ = static_cast<float>(sum);
-        size_ = static_cast<float>(weights.size());
-        const auto count = static_cast<double>(weights.size());
-        double running = 0;
-        for (std::size_t i = 0; i < weights.size(); ++i) {
-            running += weights[i];
-            cdf_[i + 1] = static_cast<float>(sum > 0 ? running / sum : static_cast<double>(i + 1) / count);
-        }
-        // Rounding must not leave a gap below one; entries of probability zero at the end stay at one too.
-        if (!weights.empty()) std::replace(cdf_.begin() + 1, cdf_.end(), float(cdf_.back()), 1.0f);
-        std::uint32_t entry = 0;
-        for (std::size_t k = 0; k < guide_.size(); ++k) {
-            const auto least = static_cast<float>(static_cast<double>(k) / count);
-            while (entry + 1 < guide_.size() && cdf_[entry + 1] <= least) ++entry;
-            guide_[k] = entry;
-        }
-    }
+    explicit Distribution(std::span<const float> weights)
+        : sum_(sums_.append(weights)), size_(static_cast<float>(weights.size())) {}
 
-    std::size_t size() const { return cdf_.empty() ? 0 : cdf_.size() - 1; }
+    std::size_t size() const { return sums_.cdf.empty() ? 0 : sums_.cdf.size() - 1; }
     float sum() const { return sum_; }
-    float probability(std::uint32_t i) const { return cdf_[i + 1] - cdf_[i]; }
+    const CumulativeSums &sums() const { return sums_; }
 
-    // Searches from where the guide table points, a step or two (Chen and Asau 1974).
-    Sample sample(float u) const {
-        std::uint32_t index = guide_[static_cast<std::uint32_t>(u * size_)];
-        while (cdf_[index + 1] <= u) ++index;
-        while (cdf_[index] > u) --index; // where u * size was rounded up
-        const float low = cdf_[index], p = cdf_[index + 1] - low;
-        return {index, p, std::min((u - low) / p, one_minus_ulp)};
+    template <class Int>
+    auto probability(Int i) const {
+        return gather(sums_.cdf.data(), i + 1) - gather(sums_.cdf.data(), i);
+    }
+    template <class Float>
+    DistributionSample<Float> sample(Float u) const {
+        if (size() == 1) return {0, 1, u};
+        return sums_.sample<Float>(0, size_, u);
     }
 
 private:
-    std::vector<float> cdf_;           // cdf_[i] is the probability of all entries before i
-    std::vector<std::uint32_t> guide_; // guide_[k] is the entry at u = k / size
+    CumulativeSums sums_;
     float sum_ = 0, size_ = 0;
 };
 
 // Piecewise constant on a width x height grid over the unit square.
 class Distribution2D {
 public:
+    template <class Float>
     struct Sample {
-        Vec2f position;
-        float pdf; // per unit area of the square
+        Vec2<Float> position;
+        Float pdf; // per unit area of the square
     };
 
     Distribution2D() = default;
     Distribution2D(std::span<const float> weights, std::uint32_t width, std::uint32_t height)
-        : width_(width), height_(height) {
-        rows_.reserve(height);
+        : width_(static_cast<float>(width)), height_(static_cast<float>(height)),
+          stride_(static_cast<std::int32_t>(width + 1)) {
         std::vector<float> sums(height);
-        for (std::uint32_t y = 0; y < height; ++y) {
-            rows_.emplace_back(weights.subspan(static_cast<std::size_t>(y) * width, width));
-            sums[y] = rows_.back().sum();
-        }
+        rows_.cdf.reserve(height * (static_cast<std::size_t>(width) + 1));
+        rows_.guide.reserve(rows_.cdf.capacity());
+        for (std::uint32_t y = 0; y < height; ++y)
+            sums[y] = rows_.append(weights.subspan(static_cast<std::size_t>(y) * width, width));
         marginal_ = Distribution(sums);
     }
 
     float sum() const { return marginal_.sum(); }
-    bool empty() const { return rows_.empty(); }
+    bool empty() const { return rows_.cdf.empty(); }
 
-    Sample sample(Vec2f u) const {
+    // The row by the sums of all rows, the column by the sums within that row.
+    template <class Float>
+    Sample<Float> sample(const Vec2<Float> &u) const {
         const auto row = marginal_.sample(u.y);
-        const auto column = rows_[row.index].sample(u.x);
-        const auto w = static_cast<float>(width_), h = static_cast<float>(height_);
-        return {{(static_cast<float>(column.index) + column.rest) / w,
-                 (static_cast<float>(row.index) + row.rest) / h},
-                row.probability * column.probability * w * h};
+        const auto column = rows_.sample<Float>(row.index * stride_, width_, u.x);
+        return {{(to_float(column.index) + column.rest) / width_, (to_float(row.index) + row.rest) / height_},
+                row.probability * column.probability * width_ * height_};
     }
-    float pdf(Vec2f p) const {
-        const std::uint32_t x = cell(p.x, width_), y = cell(p.y, height_);
-        return marginal_.probability(y) * rows_[y].probability(x) * static_cast<float>(width_) *
-               static_cast<float>(height_);
+    template <class Float>
+    Float pdf(const Vec2<Float> &p) const {
+        const auto x = cell(p.x, width_), y = cell(p.y, height_);
+        const auto at = y * stride_ + x;
+        const Float column = gather(rows_.cdf.data(), at + 1) - gather(rows_.cdf.data(), at);
+        return marginal_.probability(y) * column * width_ * height_;
     }
 
 private:
     // The cell of a coordinate; the nearest one outside of [0,1), the first for NaN.
-    static std::uint32_t cell(float x, std::uint32_t count) {
-        return x > 0 ? static_cast<std::uint32_t>(std::min(x, one_minus_ulp) * static_cast<float>(count)) : 0;
+    template <class Float>
+    static IntOf<Float> cell(Float x, float count) {
+        return to_int(min(max(Float(0), x), Float(one_minus_ulp)) * count);
     }
 
-    std::vector<Distribution> rows_;
+    CumulativeSums rows_;
     Distribution marginal_;
-    std::uint32_t width_ = 0, height_ = 0;
+    float width_ = 0, height_ = 0;
+    std::int32_t stride_ = 0; // numbers of a row in rows_
 };
 
 } // namespace lajolla

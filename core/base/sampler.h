@@ -3,19 +3,24 @@
 // dimensions, so that no feature shifts another's numbers, and the eight numbers of a block come from one
 // computation in eight lanes.
 
+#include <array>
 #include <bit>
 #include <cstdint>
+#include <utility>
 
 #include "base/fields.h"
 #include "base/vec.h"
 
 namespace lajolla {
 
+namespace detail {
+
+// Vectors of the processor; those of eight hold the numbers of one block, those of `lanes` one number of several
+// paths.
 using U32x8 [[gnu::vector_size(32)]] = std::uint32_t;
 using I32x8 [[gnu::vector_size(32)]] = std::int32_t;
 using F32x8 [[gnu::vector_size(32)]] = float;
-
-namespace detail {
+using WideUint [[gnu::vector_size(4 * lanes)]] = std::uint32_t;
 
 // The finalizer of MurmurHash3 (Appleby) on 64 bits.
 constexpr std::uint64_t mix64(std::uint64_t x) {
@@ -24,41 +29,42 @@ constexpr std::uint64_t mix64(std::uint64_t x) {
     return x ^ (x >> 33);
 }
 
-inline U32x8 broadcast(std::uint32_t x) { return U32x8{x, x, x, x, x, x, x, x}; }
-
 // "lowbias32" of Wellons' search for integer hashes with little bias.
-inline U32x8 mix32(U32x8 x) {
+template <class Uint>
+Uint mix32(Uint x) {
     x = (x ^ (x >> 16)) * 0x7feb352du;
     x = (x ^ (x >> 15)) * 0x846ca68bu;
     return x ^ (x >> 16);
 }
 
 // Odd multipliers that turn one hash into eight.
-inline constexpr U32x8 lane_multipliers{0x9e3779b1u, 0x85ebca77u, 0xc2b2ae3du, 0x27d4eb2fu,
-                                        0x165667b1u, 0x7feb352du, 0x846ca68bu, 0xd168aaadu};
+inline constexpr std::uint32_t multipliers[8]{0x9e3779b1u, 0x85ebca77u, 0xc2b2ae3du, 0x27d4eb2fu,
+                                              0x165667b1u, 0x7feb352du, 0x846ca68bu, 0xd168aaadu};
+inline constexpr U32x8 multiplier_vector{multipliers[0], multipliers[1], multipliers[2], multipliers[3],
+                                         multipliers[4], multipliers[5], multipliers[6], multipliers[7]};
 
-inline U32x8 reverse_bits(U32x8 x) {
-    using U8x32 [[gnu::vector_size(32)]] = std::uint8_t;
-    x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
-    x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
-    x = ((x >> 4) & 0x0f0f0f0fu) | ((x & 0x0f0f0f0fu) << 4);
-    const auto bytes = std::bit_cast<U8x32>(x);
-    return std::bit_cast<U32x8>(__builtin_shufflevector(bytes, bytes, 3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8,
-                                                        15, 14, 13, 12, 19, 18, 17, 16, 23, 22, 21, 20, 27,
-                                                        26, 25, 24, 31, 30, 29, 28));
+// The bytes of each number in the opposite order.
+template <class Uint>
+Uint reverse_bytes(Uint x) {
+    using Bytes [[gnu::vector_size(sizeof(Uint))]] = std::uint8_t;
+    const auto bytes = std::bit_cast<Bytes>(x);
+    return [&]<int... k>(std::integer_sequence<int, k...>) {
+        return std::bit_cast<Uint>(__builtin_shufflevector(bytes, bytes, (k / 4 * 4 + 3 - k % 4)...));
+    }(std::make_integer_sequence<int, sizeof(Uint)>());
 }
-
-constexpr std::uint32_t reverse_bits(std::uint32_t x) {
+template <class Uint>
+Uint reverse_bits(Uint x) {
     x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
     x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
     x = ((x >> 4) & 0x0f0f0f0fu) | ((x & 0x0f0f0f0fu) << 4);
-    x = ((x >> 8) & 0x00ff00ffu) | ((x & 0x00ff00ffu) << 8);
-    return (x >> 16) | (x << 16);
+    if constexpr (std::is_same_v<Uint, std::uint32_t>) return __builtin_bswap32(x);
+    else return reverse_bytes(x);
 }
 
 // A hash of bit-reversed numbers in which a bit depends on lower bits only: Owen's nested scrambling (Laine
 // and Karras 2011, with Vegdahl's constants of 2021).
-inline U32x8 laine_karras(U32x8 x, U32x8 seed) {
+template <class Uint>
+Uint laine_karras(Uint x, Uint seed) {
     x ^= x * 0x3d20adeau;
     x += seed;
     x *= (seed >> 16) | 1u;
@@ -67,20 +73,21 @@ inline U32x8 laine_karras(U32x8 x, U32x8 seed) {
     return x;
 }
 
-// Multiplies the bits of odd lanes with Pascal's triangle modulo 2: the second dimension of Sobol's sequence,
-// bit reversed. Binomial(c, r) is odd where r's bits are a subset of c's (Lucas), hence five masked shifts.
-inline U32x8 pascal_odd_lanes(U32x8 x) {
-    const auto odd = [](std::uint32_t mask) { return U32x8{0, mask, 0, mask, 0, mask, 0, mask}; };
-    x ^= (x >> 1) & odd(0x55555555u);
-    x ^= (x >> 2) & odd(0x33333333u);
-    x ^= (x >> 4) & odd(0x0f0f0f0fu);
-    x ^= (x >> 8) & odd(0x00ff00ffu);
-    return x ^ ((x >> 16) & odd(0x0000ffffu));
+// Multiplies the bits with Pascal's triangle modulo 2, where a mask selects: the second dimension of Sobol's
+// sequence, bit reversed. Binomial(c, r) is odd where r's bits are a subset of c's (Lucas), hence five masked shifts.
+template <class Uint, class Mask>
+Uint pascal(Uint x, Mask selected) {
+    x ^= (x >> 1) & (selected & 0x55555555u);
+    x ^= (x >> 2) & (selected & 0x33333333u);
+    x ^= (x >> 4) & (selected & 0x0f0f0f0fu);
+    x ^= (x >> 8) & (selected & 0x00ff00ffu);
+    return x ^ ((x >> 16) & (selected & 0x0000ffffu));
 }
 
 inline F32x8 to_unit_floats(U32x8 x) {
     return __builtin_convertvector(std::bit_cast<I32x8>(x >> 8), F32x8) * 0x1p-24f;
 }
+inline WideFloat to_unit_float(WideUint x) { return to_float(WideInt(std::bit_cast<WideInt::Raw>(x >> 8))) * 0x1p-24f; }
 
 } // namespace detail
 
@@ -90,21 +97,23 @@ inline bool passes(float probability, float &u) {
     if (probability <= 0) return false;
     const bool result = u < probability;
     u = result ? u / probability : (u - probability) / (1 - probability);
-    u = std::min(u, one_minus_ulp);
+    u = min(u, one_minus_ulp);
     return result;
 }
 
 // The eight numbers of one bounce.
+template <class Float>
 struct BounceSample {
-    Vec2f light_uv, bsdf_uv;
-    float light, lobe;
-    float roulette, flight; // flight: what happens on the way to the next vertex
+    Vec2<Float> light_uv, bsdf_uv;
+    Float light, lobe;
+    Float roulette, flight; // flight: what happens on the way to the next vertex
 };
 
 // The numbers that start a path.
+template <class Float>
 struct CameraSample {
-    Vec2f film, lens;
-    float flight, channel;
+    Vec2<Float> film, lens;
+    Float flight, channel;
 };
 
 // Numbers for decisions that nobody can count beforehand, such as collisions in a medium: a hashed counter
@@ -125,45 +134,98 @@ enum class SequenceKind { sobol, independent };
 // The sample points of one pixel's one path.
 class Sampler {
 public:
+    Sampler() = default;
     Sampler(SequenceKind kind, std::uint32_t seed, std::uint32_t x, std::uint32_t y, std::uint32_t index)
         : pixel_(detail::mix64(detail::mix64((std::uint64_t(seed) << 32) | 0x9e3779b9u) ^
                                ((std::uint64_t(y) << 32) | x))),
           index_(kind == SequenceKind::sobol ? detail::reverse_bits(index) : index), kind_(kind) {}
 
-    CameraSample camera() const {
+    CameraSample<float> camera() const {
         const auto u = block(0);
         return {{u[0], u[1]}, {u[2], u[3]}, u[4], u[5]};
     }
-    BounceSample bounce(std::uint32_t depth) const { return std::bit_cast<BounceSample>(block(depth + 1)); }
+    BounceSample<float> bounce(std::uint32_t depth) const {
+        return std::bit_cast<BounceSample<float>>(block(depth + 1));
+    }
     // One of many streams of independent numbers.
     NumberStream stream(std::uint32_t number) const {
         return NumberStream(detail::mix64(detail::mix64(~pixel_ + number) ^ index_));
+    }
+
+    // The same numbers of a path in each lane; sampler(k) is that of lane k.
+    template <class Samplers>
+    static CameraSample<WideFloat> cameras(const Samplers &sampler) {
+        const auto u = blocks(sampler, WideInt(0));
+        return {{u[0], u[1]}, {u[2], u[3]}, u[4], u[5]};
+    }
+    template <class Samplers>
+    static BounceSample<WideFloat> bounces(const Samplers &sampler, WideInt depth) {
+        const auto u = blocks(sampler, depth + 1);
+        return {{u[0], u[1]}, {u[2], u[3]}, u[4], u[5], u[6], u[7]};
     }
 
 private:
     // Sobol': each pair of dimensions is a two-dimensional Owen-scrambled sequence of its own, its index
     // shuffled by another scrambling, so that pairs are independent (Burley 2020, "Practical Hash-based Owen
     // Scrambling").
-    F32x8 block(std::uint32_t number) const {
+    detail::F32x8 block(std::uint32_t number) const {
         using namespace detail;
+        const U32x8 zero{};
+        const auto hash = hash_of(std::uint32_t(pixel_), std::uint32_t(pixel_ >> 32), index_, number);
+        const U32x8 low = zero + hash.low, high = zero + hash.high;
         if (kind_ == SequenceKind::independent) {
-            const std::uint64_t hash = mix64(mix64(pixel_ + number) ^ index_);
             const U32x8 lane{0, 1, 2, 3, 4, 5, 6, 7};
-            return to_unit_floats(mix32(mix32(broadcast(std::uint32_t(hash)) + lane * 0x9e3779b9u) ^
-                                        broadcast(std::uint32_t(hash >> 32))));
+            return to_unit_floats(mix32(mix32(low + lane * 0x9e3779b9u) ^ high));
         }
-        const std::uint64_t hash = mix64(pixel_ + number);
-        const U32x8 scramble = broadcast(std::uint32_t(hash >> 32)) * lane_multipliers;
-        const U32x8 per_lane = broadcast(std::uint32_t(hash)) * lane_multipliers;
+        const U32x8 per_lane = low * multiplier_vector;
         const U32x8 shuffle =
             __builtin_shufflevector(per_lane, per_lane, 0, 0, 2, 2, 4, 4, 6, 6); // one a pair
-        const U32x8 shuffled = reverse_bits(laine_karras(broadcast(index_), shuffle));
-        return to_unit_floats(reverse_bits(laine_karras(pascal_odd_lanes(shuffled), scramble)));
+        const U32x8 odd_lanes{0, ~0u, 0, ~0u, 0, ~0u, 0, ~0u};
+        const U32x8 shuffled = reverse_bits(laine_karras(zero + index_, shuffle));
+        return to_unit_floats(reverse_bits(laine_karras(pascal(shuffled, odd_lanes), high * multiplier_vector)));
     }
 
-    std::uint64_t pixel_;
-    std::uint32_t index_;
-    SequenceKind kind_;
+    template <class Samplers>
+    static std::array<WideFloat, 8> blocks(const Samplers &sampler, WideInt number) {
+        using namespace detail;
+        static_assert(sizeof(Sampler) == 4 * sizeof(float)); // the pixel's hash, the index and the kind
+        const auto columns = load_rows([&](int k) { return reinterpret_cast<const float *>(&sampler(k)); });
+        const auto integers = [](const WideFloat &x) { return std::bit_cast<WideUint>(x.v); };
+        const WideUint index = integers(columns.z);
+        const auto [low, high] = sampler(0).hash_of(integers(columns.x), integers(columns.y), index,
+                                                    std::bit_cast<WideUint>(number.v));
+        std::array<WideFloat, 8> result;
+        if (sampler(0).kind_ == SequenceKind::independent) {
+            for (std::uint32_t d = 0; d < 8; ++d)
+                result[d] = to_unit_float(mix32(mix32(low + d * 0x9e3779b9u) ^ high));
+            return result;
+        }
+        for (std::size_t d = 0; d < 8; d += 2) {
+            const WideUint shuffled = reverse_bits(laine_karras(index, low * multipliers[d]));
+            result[d] = to_unit_float(reverse_bits(laine_karras(shuffled, high * multipliers[d])));
+            result[d + 1] =
+                to_unit_float(reverse_bits(laine_karras(pascal(shuffled, ~0u), high * multipliers[d + 1])));
+        }
+        return result;
+    }
+
+    // 64 bits for each block of a pixel, or of a sample where these are independent.
+    template <class Uint>
+    struct Hash {
+        Uint low, high;
+    };
+    template <class Uint>
+    Hash<Uint> hash_of(Uint pixel_low, Uint pixel_high, Uint index, Uint number) const {
+        using detail::mix32;
+        const Uint low = mix32(pixel_low ^ mix32(number)), high = mix32(low + pixel_high);
+        if (kind_ == SequenceKind::sobol) return {low, high};
+        const Uint mixed = mix32(low ^ index);
+        return {mixed, mix32(high + mixed)};
+    }
+
+    std::uint64_t pixel_ = 0;
+    std::uint32_t index_ = 0;
+    SequenceKind kind_ = SequenceKind::sobol;
 };
 
 } // namespace lajolla

@@ -11,17 +11,20 @@ namespace lajolla {
 struct Transform {
     std::array<std::array<float, 4>, 4> m{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}};
 
-    constexpr Vec3f point(Vec3f p) const { // affine: the last row is taken as 0 0 0 1
+    template <class Float = float>
+    constexpr Vec3<Float> point(const Vec3<Float> &p) const { // affine: the last row is taken as 0 0 0 1
         return {m[0][0] * p.x + m[0][1] * p.y + m[0][2] * p.z + m[0][3],
                 m[1][0] * p.x + m[1][1] * p.y + m[1][2] * p.z + m[1][3],
                 m[2][0] * p.x + m[2][1] * p.y + m[2][2] * p.z + m[2][3]};
     }
-    constexpr Vec3f vector(Vec3f v) const {
+    template <class Float = float>
+    constexpr Vec3<Float> vector(const Vec3<Float> &v) const {
         return {m[0][0] * v.x + m[0][1] * v.y + m[0][2] * v.z, m[1][0] * v.x + m[1][1] * v.y + m[1][2] * v.z,
                 m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z};
     }
     // The transposed linear part: normals go through the transpose of the inverse.
-    constexpr Vec3f transposed_vector(Vec3f n) const {
+    template <class Float = float>
+    constexpr Vec3<Float> transposed_vector(const Vec3<Float> &n) const {
         return {m[0][0] * n.x + m[1][0] * n.y + m[2][0] * n.z, m[0][1] * n.x + m[1][1] * n.y + m[2][1] * n.z,
                 m[0][2] * n.x + m[1][2] * n.y + m[2][2] * n.z};
     }

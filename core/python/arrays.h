@@ -35,10 +35,10 @@ public:
     }
     void set(std::size_t i, Vec2f v) { set(i, v.x, v.y); }
     template <class Tag>
-    void set(std::size_t i, Triple<Tag> v) {
+    void set(std::size_t i, Triple<Tag, float> v) {
         set(i, v.x, v.y, v.z);
     }
-    void set(std::size_t i, const Frame &frame) {
+    void set(std::size_t i, const Frame<float> &frame) {
         const auto &[s, t, n] = frame;
         set(i, s.x, s.y, s.z, t.x, t.y, t.z, n.x, n.y, n.z);
     }

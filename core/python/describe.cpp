@@ -38,7 +38,7 @@ double shortest(float value) {
 }
 
 template <class Tag>
-bool read_triple(nb::handle source, Triple<Tag> &value) {
+bool read_triple(nb::handle source, Triple<Tag, float> &value) {
     std::array<float, 3> v{};
     const bool fits = read_numbers(source, v.data(), 3);
     value = {v[0], v[1], v[2]};
@@ -46,7 +46,7 @@ bool read_triple(nb::handle source, Triple<Tag> &value) {
 }
 
 template <class Tag>
-nb::object write_triple(Triple<Tag> v) {
+nb::object write_triple(Triple<Tag, float> v) {
     return nb::make_tuple(shortest(v.x), shortest(v.y), shortest(v.z));
 }
 

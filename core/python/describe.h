@@ -154,7 +154,7 @@ constexpr bool within(const T &value, double low, double high) {
     else return true;
 }
 template <class Tag>
-constexpr bool within(const Triple<Tag> &v, double low, double high) {
+constexpr bool within(const Triple<Tag, float> &v, double low, double high) {
     return within(v.x, low, high) && within(v.y, low, high) && within(v.z, low, high);
 }
 inline bool within(const std::vector<float> &values, double low, double high) {

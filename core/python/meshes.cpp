@@ -145,29 +145,22 @@ make_curves(const Table<float, 4> &points,
 
 using Pixels = nb::ndarray<nb::ro, nb::c_contig, nb::device::cpu>;
 
-template <class T>
-std::vector<T> texels_of(const Pixels &pixels) {
-    const auto *first = static_cast<const T *>(pixels.data());
-    return {first, first + pixels.size()};
-}
-
 std::shared_ptr<Image> make_image(const Pixels &pixels, bool srgb) {
     const std::size_t channels = pixels.ndim() == 3 ? pixels.shape(2) : 1;
     if ((pixels.ndim() != 2 && pixels.ndim() != 3) || pixels.size() == 0 || (channels != 1 && channels != 3))
         throw std::invalid_argument(
             "pixels must have the shape (height, width), (height, width, 1) or (height, width, 3)");
-    auto image = std::make_shared<Image>();
-    image->height = static_cast<std::uint32_t>(pixels.shape(0));
-    image->width = static_cast<std::uint32_t>(pixels.shape(1));
-    image->channels = static_cast<std::uint32_t>(channels);
-    image->srgb = srgb;
+    const auto image_of = [&]<class T>(const T *values) {
+        return std::make_shared<Image>(static_cast<std::uint32_t>(pixels.shape(1)),
+                                       static_cast<std::uint32_t>(pixels.shape(0)),
+                                       static_cast<std::uint32_t>(channels), srgb, values);
+    };
     const auto type = pixels.dtype();
-    if (type == nb::dtype<std::uint8_t>()) image->texels = texels_of<std::uint8_t>(pixels);
-    else if (type == nb::dtype<float>()) image->texels = texels_of<float>(pixels);
-    else if (type.code == static_cast<std::uint8_t>(nb::dlpack::dtype_code::Float) && type.bits == 16)
-        image->texels = texels_of<Image::Half>(pixels);
-    else throw std::invalid_argument("pixels must be uint8, float16 or float32");
-    return image;
+    if (type == nb::dtype<std::uint8_t>()) return image_of(static_cast<const std::uint8_t *>(pixels.data()));
+    if (type == nb::dtype<float>()) return image_of(static_cast<const float *>(pixels.data()));
+    if (type.code == static_cast<std::uint8_t>(nb::dlpack::dtype_code::Float) && type.bits == 16)
+        return image_of(static_cast<const Image::Half *>(pixels.data()));
+    throw std::invalid_argument("pixels must be uint8, float16 or float32");
 }
 
 } // namespace

@@ -251,12 +251,12 @@ public:
     Render(const RenderableScene &scene, std::optional<std::uint32_t> seed)
         : scene_(scene), seed_(seed.value_or(scene.seed)), sums_(scene.output.channel_count() * pixels()) {}
 
-    bool add(std::uint32_t first, std::uint32_t count, int threads) {
+    bool add(std::uint32_t first, std::uint32_t count, int threads, bool one_lane) {
         const std::lock_guard one_at_a_time(adding_);
         std::vector<double> next = sums_; // only add() writes sums_
         progress_.pixels = 0;
         const auto report = lajolla::render(*scene_.scene, scene_.output,
-                                            {scene_.sequence, seed_, first, count, threads}, next, progress_);
+                                            {scene_.sequence, seed_, first, count, threads, one_lane}, next, progress_);
         if (!report) {
             progress_.cancelled = false;
             return false;
@@ -360,7 +360,7 @@ static bool transmissive(const nb::dict &description) {
         if (nb::cast<std::string>(description["type"]) != Model::name) return;
         Model model;
         read_model(model, description, "bsdf");
-        result = is_transmissive(model);
+        result = model.traits().transmissive;
     });
     return result;
 }
@@ -398,11 +398,12 @@ void bind_scene(nb::module_ &m) {
     nb::class_<Render>(m, "Render", "The running mean of a scene's samples.")
         .def(nb::init<const RenderableScene &, std::optional<std::uint32_t>>(), "scene"_a,
              "seed"_a = nb::none(), nb::keep_alive<1, 2>())
-        .def("add", &Render::add, "first_sample"_a, "count"_a, "threads"_a = 0,
+        .def("add", &Render::add, "first_sample"_a, "count"_a, "threads"_a = 0, "one_lane"_a = false,
              nb::call_guard<nb::gil_scoped_release>(),
              "Adds samples first_sample ... first_sample + count - 1 of every pixel. Returns False, and "
              "changes nothing, "
-             "where cancel() was called meanwhile. threads = 0 uses them all.")
+             "where cancel() was called meanwhile. threads = 0 uses them all; one_lane follows one path after the "
+             "other, which gives the same bits.")
         .def("cancel", &Render::cancel, "Stops add(), from another thread.")
         .def_prop_ro("progress", &Render::progress, "Finished fraction of the running add().")
         .def("image", &Render::image,

@@ -27,7 +27,7 @@ const Light &light_at(const Scene &scene, std::uint32_t index) {
     return scene.parts().lights[index];
 }
 
-DirectSample sample_light(const Scene &scene, Index index, Vec3f p, Vec3f u) {
+DirectSample<float> sample_light(const Scene &scene, Index index, Vec3f p, Vec3f u) {
     if (!index) return scene.lights().sample_direct(p, u.x, {u.y, u.z});
     return match(light_at(scene, *index), [&](const auto &light) {
         return light.sample_direct(p, u.x, {u.y, u.z}, scene.parts().textures);
@@ -35,7 +35,7 @@ DirectSample sample_light(const Scene &scene, Index index, Vec3f p, Vec3f u) {
 }
 
 // Whether a light's sample is seen from p, as a path's shadow ray finds out.
-bool sees(const Scene &scene, Tracer &tracer, Vec3f p, const DirectSample &sample) {
+bool sees(const Scene &scene, Tracer &tracer, Vec3f p, const DirectSample<float> &sample) {
     const auto light = arrival(scene, tracer, MediumVertex{p, {}, {}}, sample, Vacuum());
     return light && !is_black(light->value());
 }
@@ -48,7 +48,7 @@ nb::dict emitter_sample_many(const RenderableScene &self, const Point &point, co
     Table<float, 1> distance(n), pdf(n);
     Table<bool, 1> delta(n), visible(n);
     for (std::size_t i = 0; i < n; ++i) {
-        const DirectSample s = sample_light(scene, index, point_of(point), triple(u, i));
+        const DirectSample<float> s = sample_light(scene, index, point_of(point), triple(u, i));
         wi.set(i, s.wi);
         radiance.set(i, s.radiance);
         distance.set(i, s.distance);
@@ -74,7 +74,7 @@ struct Arrival {
 // What a path finds that leaves p along wi: radiance, and the density with which lights sample that
 // direction. Nothing where a light is seen from behind: it is not sampled there.
 Arrival arrival(const Scene &scene, Index index, Vec3f p, Vec3f wi) {
-    const Ray ray{p, wi};
+    const Ray<float> ray{p, wi};
     const auto found = scene.accel().closest(ray);
     if (!found) {
         if (!index) return {scene.lights().environment(wi), scene.lights().pdf_environment(wi)};
@@ -84,7 +84,7 @@ Arrival arrival(const Scene &scene, Index index, Vec3f p, Vec3f wi) {
             else return Arrival{};
         });
     }
-    const Hit hit = scene.hit(ray, *found, {});
+    const Hit<float> hit = scene.hit(ray, *found, {});
     if (hit.emitter < 0 || dot(hit.normal, wi) >= 0) return {};
     const Spectrum radiance = scene.lights().emitted(hit, -wi);
     if (!index) return {radiance, scene.lights().pdf_hit(p, hit, wi)};
@@ -157,12 +157,12 @@ nb::dict shape_sample_many(const RenderableScene &self, std::uint32_t index, con
 }
 
 // The closest hits of rays; none where a ray meets nothing.
-std::vector<std::optional<Hit>> closest_hits(const Scene &scene, const Rows<3> &origins,
+std::vector<std::optional<Hit<float>>> closest_hits(const Scene &scene, const Rows<3> &origins,
                                              const Rows<3> &directions) {
     require_one_or(origins.shape(0), directions.shape(0), "origins");
-    std::vector<std::optional<Hit>> hits(directions.shape(0));
+    std::vector<std::optional<Hit<float>>> hits(directions.shape(0));
     for (std::size_t i = 0; i < hits.size(); ++i) {
-        const Ray ray{triple(origins, i), triple(directions, i)};
+        const Ray<float> ray{triple(origins, i), triple(directions, i)};
         if (const auto found = scene.accel().closest(ray)) hits[i] = scene.hit(ray, *found, {});
     }
     return hits;
@@ -170,9 +170,9 @@ std::vector<std::optional<Hit>> closest_hits(const Scene &scene, const Rows<3> &
 
 // A column of hits; zero where there is none.
 template <class T, std::size_t N>
-nb::object column(const std::vector<std::optional<Hit>> &hits, auto &&f) {
+nb::object column(const std::vector<std::optional<Hit<float>>> &hits, auto &&f) {
     Table<T, N> table(hits.size());
-    for (std::size_t i = 0; i < hits.size(); ++i) table.set(i, f(hits[i] ? *hits[i] : Hit{}));
+    for (std::size_t i = 0; i < hits.size(); ++i) table.set(i, f(hits[i] ? *hits[i] : Hit<float>{}));
     return std::move(table).to_numpy();
 }
 
@@ -182,20 +182,20 @@ nb::dict hit_many(const RenderableScene &self, const Rows<3> &origins, const Row
     for (std::size_t i = 0; i < hits.size(); ++i) valid.set(i, hits[i].has_value());
     nb::dict result;
     result["valid"] = std::move(valid).to_numpy();
-    result["position"] = column<float, 3>(hits, [](const Hit &h) { return h.position; });
-    result["normal"] = column<float, 3>(hits, [](const Hit &h) { return h.normal; });
-    result["shading_normal"] = column<float, 3>(hits, [](const Hit &h) { return h.shading_normal; });
-    result["dp_du"] = column<float, 3>(hits, [](const Hit &h) { return h.dp_du; });
-    result["dp_dv"] = column<float, 3>(hits, [](const Hit &h) { return h.dp_dv; });
-    result["barycentric"] = column<float, 2>(hits, [](const Hit &h) { return h.barycentric; });
-    result["uv"] = column<float, 2>(hits, [](const Hit &h) { return h.uv; });
-    result["distance"] = column<float, 1>(hits, [](const Hit &h) { return h.distance; });
-    result["position_error"] = column<float, 1>(hits, [](const Hit &h) { return h.position_error; });
-    result["mean_curvature"] = column<float, 1>(hits, [](const Hit &h) { return h.mean_curvature; });
-    result["shape"] = column<std::uint32_t, 1>(hits, [](const Hit &h) { return h.shape; });
-    result["primitive"] = column<std::uint32_t, 1>(hits, [](const Hit &h) { return h.primitive; });
-    result["material"] = column<std::int32_t, 1>(hits, [](const Hit &h) { return h.material; });
-    result["emitter"] = column<std::int32_t, 1>(hits, [](const Hit &h) { return h.emitter; });
+    result["position"] = column<float, 3>(hits, [](const Hit<float> &h) { return h.position; });
+    result["normal"] = column<float, 3>(hits, [](const Hit<float> &h) { return h.normal; });
+    result["shading_normal"] = column<float, 3>(hits, [](const Hit<float> &h) { return h.shading_normal; });
+    result["dp_du"] = column<float, 3>(hits, [](const Hit<float> &h) { return h.dp_du; });
+    result["dp_dv"] = column<float, 3>(hits, [](const Hit<float> &h) { return h.dp_dv; });
+    result["barycentric"] = column<float, 2>(hits, [](const Hit<float> &h) { return h.barycentric; });
+    result["uv"] = column<float, 2>(hits, [](const Hit<float> &h) { return h.uv; });
+    result["distance"] = column<float, 1>(hits, [](const Hit<float> &h) { return h.distance; });
+    result["position_error"] = column<float, 1>(hits, [](const Hit<float> &h) { return h.position_error; });
+    result["mean_curvature"] = column<float, 1>(hits, [](const Hit<float> &h) { return h.mean_curvature; });
+    result["shape"] = column<std::uint32_t, 1>(hits, [](const Hit<float> &h) { return h.shape; });
+    result["primitive"] = column<std::uint32_t, 1>(hits, [](const Hit<float> &h) { return h.primitive; });
+    result["material"] = column<std::int32_t, 1>(hits, [](const Hit<float> &h) { return h.material; });
+    result["emitter"] = column<std::int32_t, 1>(hits, [](const Hit<float> &h) { return h.emitter; });
     return result;
 }
 

@@ -5,7 +5,10 @@
 
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
+#include <array>
 #include <span>
+#include <vector>
 
 #include "base/distribution.h"
 #include "base/frame.h"
@@ -15,71 +18,125 @@
 #include "python/coated.h"
 #include "python/describe.h"
 #include "scatter/bsdfs.h"
+#include "scene/hit.h"
 
 namespace lajolla {
 
 namespace {
 
 // A BSDF by itself, outside a scene: its textures are constants.
+struct ConstantReader {
+    template <class T>
+    static const T &value(const Texture<T> &texture) {
+        if (!texture.is_constant()) throw DescriptionError("bsdf: outside a scene textures must be constants");
+        return texture.constant;
+    }
+    const Spectrum &operator()(const Texture<Spectrum> &texture) const { return value(texture); }
+    float operator()(const Texture<float> &texture) const { return value(texture); }
+};
+
+// All of it is asked in lanes where the model has them, the last packet with some lanes off, or one by one.
 class LoneBsdf {
 public:
     explicit LoneBsdf(const nb::dict &description)
-        : model_(variant_from<Bsdf>(description, "bsdf")), lobe_(prepare(model_, [](const auto &texture) {
-              if (!texture.is_constant())
-                  throw DescriptionError("bsdf: outside a scene textures must be constants");
-              return texture.constant;
-          })) {}
+        : model_(variant_from<Bsdf>(description, "bsdf")), lobe_(prepare(model_, ConstantReader())) {}
     LoneBsdf(const LoneBsdf &) = delete; // the lobe may point to tables of the model
     LoneBsdf &operator=(const LoneBsdf &) = delete;
 
-    bool transmissive() const { return is_transmissive(model_); }
-    bool delta() const { return is_delta(model_); }
+    bool transmissive() const { return traits(model_).transmissive; }
+    bool delta() const { return traits(model_).delta; }
     float roughness() const { return lajolla::roughness(lobe_); }
+    bool wide() const {
+        return match(model_, [](const auto &model) { return IsWide<std::decay_t<decltype(model)>>; });
+    }
 
-    nb::dict sample_many(const Rows<3> &wo, const Rows<3> &u) const;
-    nb::tuple eval_many(const Rows<3> &wo, const Rows<3> &wi) const;
+    nb::dict sample_many(const Rows<3> &wo, const Rows<3> &u, bool one_lane) const;
+    nb::tuple eval_many(const Rows<3> &wo, const Rows<3> &wi, bool one_lane) const;
 
 private:
+    // f(first row, rows, lobe of all lanes) for packets of rows; false where the model has no such lobe.
+    template <class F>
+    bool in_lanes(std::size_t rows, F &&f) const {
+        return match(model_, [&](const auto &model) {
+            if constexpr (IsWide<std::decay_t<decltype(model)>>) {
+                const auto lobe = model.template prepare<WideFloat>([](const auto &texture) {
+                    const auto value = ConstantReader()(texture);
+                    if constexpr (std::is_same_v<decltype(value), const float>) return WideFloat(value);
+                    else return Rgb<WideFloat>(value);
+                });
+                for (std::size_t i = 0; i < rows; i += lanes)
+                    f(i, std::min(rows - i, static_cast<std::size_t>(lanes)), lobe);
+                return true;
+            } else return false;
+        });
+    }
+
     Bsdf model_;
     Lobe lobe_;
 };
 
-nb::dict LoneBsdf::sample_many(const Rows<3> &wo, const Rows<3> &u) const {
+// Rows of an array, or its only one, as lanes.
+Vec3<WideFloat> rows_of(const Rows<3> &array, std::size_t first, std::size_t count) {
+    Vec3<WideFloat> result;
+    for (std::size_t k = 0; k < lanes; ++k)
+        set_lane(result, static_cast<int>(k), triple(array, array.shape(0) == 1 ? 0 : first + std::min(k, count - 1)));
+    return result;
+}
+
+nb::dict LoneBsdf::sample_many(const Rows<3> &wo, const Rows<3> &u, bool one_lane) const {
     const std::size_t n = u.shape(0);
     require_one_or(wo.shape(0), n, "wo");
     Table<float, 3> wi(n), weight(n);
-    Table<float, 1> pdf(n), eta(n);
-    Table<std::int32_t, 1> kind(n);
-    Table<bool, 1> valid(n);
-    for (std::size_t i = 0; i < n; ++i) {
-        const auto s = sample(lobe_, triple(wo, i), u(i, 0), {u(i, 1), u(i, 2)});
-        valid.set(i, s.has_value());
-        if (!s) continue;
-        wi.set(i, s->wi);
-        weight.set(i, s->weight);
-        pdf.set(i, s->pdf);
-        eta.set(i, s->eta);
-        kind.set(i, static_cast<std::int32_t>(s->kind));
-    }
+    Table<float, 1> pdf(n), eta(n), width(n);
+    Table<bool, 1> valid(n), delta(n);
+    const auto set = [&](std::size_t i, const BsdfSample<float> &s) {
+        valid.set(i, s.valid);
+        if (!s.valid) return;
+        wi.set(i, s.wi);
+        weight.set(i, s.weight);
+        pdf.set(i, s.pdf);
+        eta.set(i, s.eta);
+        width.set(i, s.width);
+        delta.set(i, s.delta);
+    };
+    const bool done = !one_lane && in_lanes(n, [&](std::size_t first, std::size_t count, const auto &lobe) {
+        const Vec3<WideFloat> numbers = rows_of(u, first, count);
+        const auto s = lobe.sample(rows_of(wo, first, count), numbers.x, Vec2<WideFloat>{numbers.y, numbers.z});
+        for (int k = 0; k < static_cast<int>(count); ++k)
+            set(first + static_cast<std::size_t>(k),
+                {s.valid.v[k] != 0, lane_of(s.wi, k), lane_of(s.weight, k), s.pdf[k], s.eta[k], s.delta.v[k] != 0,
+                 s.width[k]});
+    });
+    for (std::size_t i = 0; i < n && !done; ++i)
+        set(i, sample(lobe_, triple(wo, i), u(i, 0), {u(i, 1), u(i, 2)}));
     nb::dict result;
     result["wi"] = std::move(wi).to_numpy();
     result["weight"] = std::move(weight).to_numpy();
     result["pdf"] = std::move(pdf).to_numpy();
     result["eta"] = std::move(eta).to_numpy();
-    result["kind"] = std::move(kind).to_numpy();
+    result["width"] = std::move(width).to_numpy();
+    result["delta"] = std::move(delta).to_numpy();
     result["valid"] = std::move(valid).to_numpy();
     return result;
 }
 
-nb::tuple LoneBsdf::eval_many(const Rows<3> &wo, const Rows<3> &wi) const {
+nb::tuple LoneBsdf::eval_many(const Rows<3> &wo, const Rows<3> &wi, bool one_lane) const {
     const std::size_t n = wi.shape(0);
     require_one_or(wo.shape(0), n, "wo");
     Table<float, 3> f_cos(n);
     Table<float, 1> pdf(n);
-    for (std::size_t i = 0; i < n; ++i) {
-        const BsdfEval e = eval(lobe_, triple(wo, i), triple(wi, i));
-        f_cos.set(i, e.f_cos);
-        pdf.set(i, e.pdf);
+    const auto set = [&](std::size_t i, const Spectrum &f, float density) {
+        f_cos.set(i, f);
+        pdf.set(i, density);
+    };
+    const bool done = !one_lane && in_lanes(n, [&](std::size_t first, std::size_t count, const auto &lobe) {
+        const auto e = lobe.eval(rows_of(wo, first, count), rows_of(wi, first, count));
+        for (int k = 0; k < static_cast<int>(count); ++k)
+            set(first + static_cast<std::size_t>(k), lane_of(e.f_cos, k), e.pdf[k]);
+    });
+    for (std::size_t i = 0; i < n && !done; ++i) {
+        const BsdfEval<float> e = eval(lobe_, triple(wo, i), triple(wi, i));
+        set(i, e.f_cos, e.pdf);
     }
     return nb::make_tuple(std::move(f_cos).to_numpy(), std::move(pdf).to_numpy());
 }
@@ -90,25 +147,99 @@ SequenceKind sequence_kind(const std::string &name) {
     throw std::invalid_argument("kind: 'sobol' or 'independent' expected");
 }
 
-nb::object sampler_camera(const std::string &kind, std::uint32_t seed, std::uint32_t x, std::uint32_t y,
-                          std::uint32_t first, std::uint32_t count) {
-    Table<float, 5> table(count);
-    for (std::uint32_t i = 0; i < count; ++i) {
-        const CameraSample s = Sampler(sequence_kind(kind), seed, x, y, first + i).camera();
-        table.set(i, s.film.x, s.film.y, s.lens.x, s.lens.y, s.flight);
+// Samples of paths, one a row: seed, x, y, index and, where a bounce is asked for, its number.
+template <std::size_t N>
+using SampleRows = nb::ndarray<const std::uint32_t, nb::shape<-1, static_cast<Py_ssize_t>(N)>, nb::c_contig,
+                               nb::device::cpu>;
+
+std::vector<Sampler> samplers_of(const std::string &kind, const auto &rows) {
+    std::vector<Sampler> result;
+    for (std::size_t i = 0; i < rows.shape(0); ++i)
+        result.emplace_back(sequence_kind(kind), rows(i, 0), rows(i, 1), rows(i, 2), rows(i, 3));
+    return result;
+}
+
+// Fills a table by one(row), or by wide(index of each lane -> row), whose lanes beyond the last row repeat it.
+template <std::size_t N, class One, class Wide>
+nb::object in_packets(std::size_t rows, bool one_lane, One &&one, Wide &&wide) {
+    Table<float, N> table(rows);
+    const auto step = static_cast<std::size_t>(one_lane ? 1 : lanes);
+    for (std::size_t i = 0; i < rows; i += step) {
+        if (one_lane) {
+            std::ranges::copy(one(i), table.row(i));
+            continue;
+        }
+        const std::array<WideFloat, N> numbers =
+            wide([&](int k) { return std::min(i + static_cast<std::size_t>(k), rows - 1); });
+        for (std::size_t k = 0; k < step && i + k < rows; ++k)
+            for (std::size_t d = 0; d < N; ++d) table.row(i + k)[d] = numbers[d][static_cast<int>(k)];
     }
     return std::move(table).to_numpy();
 }
 
-nb::object sampler_blocks(const std::string &kind, std::uint32_t seed, std::uint32_t x, std::uint32_t y,
-                          std::uint32_t first, std::uint32_t count, std::uint32_t bounce) {
-    Table<float, 8> table(count);
-    for (std::uint32_t i = 0; i < count; ++i) {
-        const BounceSample s = Sampler(sequence_kind(kind), seed, x, y, first + i).bounce(bounce);
-        table.set(i, s.light_uv.x, s.light_uv.y, s.bsdf_uv.x, s.bsdf_uv.y, s.light, s.lobe, s.roulette,
-                  s.flight);
-    }
-    return std::move(table).to_numpy();
+template <class Float>
+std::array<Float, 6> numbers_of(const CameraSample<Float> &s) {
+    return {s.film.x, s.film.y, s.lens.x, s.lens.y, s.flight, s.channel};
+}
+template <class Float>
+std::array<Float, 8> numbers_of(const BounceSample<Float> &s) {
+    return {s.light_uv.x, s.light_uv.y, s.bsdf_uv.x, s.bsdf_uv.y, s.light, s.lobe, s.roulette, s.flight};
+}
+
+nb::object sampler_cameras(const std::string &kind, const SampleRows<4> &rows, bool one_lane) {
+    const std::vector<Sampler> samplers = samplers_of(kind, rows);
+    return in_packets<6>(
+        samplers.size(), one_lane, [&](std::size_t i) { return numbers_of(samplers[i].camera()); },
+        [&](auto &&row) {
+            return numbers_of(Sampler::cameras([&](int k) -> const Sampler & { return samplers[row(k)]; }));
+        });
+}
+
+nb::object sampler_bounces(const std::string &kind, const SampleRows<5> &rows, bool one_lane) {
+    const std::vector<Sampler> samplers = samplers_of(kind, rows);
+    return in_packets<8>(
+        samplers.size(), one_lane,
+        [&](std::size_t i) { return numbers_of(samplers[i].bounce(rows(i, 4))); },
+        [&](auto &&row) {
+            WideInt bounce;
+            for (int k = 0; k < lanes; ++k) bounce.v[k] = static_cast<std::int32_t>(rows(row(k), 4));
+            return numbers_of(
+                Sampler::bounces([&](int k) -> const Sampler & { return samplers[row(k)]; }, bounce));
+        });
+}
+
+// f(x, y) of the functions that base/math.h has for one number and for several.
+template <class Float>
+Float elementary_value(const std::string &name, Float x, Float y) {
+    if (name == "exp") return exp(x);
+    if (name == "log") return log(x);
+    if (name == "pow") return pow(x, y);
+    if (name == "sin") return sin(x);
+    if (name == "cos") return cos(x);
+    if (name == "atan2") return atan2(x, y);
+    if (name == "acos") return acos(x);
+    if (name == "log1p") return log1p(x);
+    if (name == "expm1") return expm1(x);
+    if (name == "sqrt") return sqrt(x);
+    if (name == "floor") return floor(x);
+    if (name == "min") return min(x, y);
+    if (name == "max") return max(x, y);
+    if (name == "copysign") return copysign(x, y);
+    if (name == "to_int") return to_float(to_int(x));
+    if (name == "isfinite") return select(isfinite(x), Float(1), Float(0));
+    throw std::invalid_argument("elementary: there is no function " + name);
+}
+
+nb::object elementary(const std::string &name, const Column &x, const Column &y, bool one_lane) {
+    if (x.shape(0) != y.shape(0)) throw std::invalid_argument("elementary: as many x as y expected");
+    return in_packets<1>(
+        x.shape(0), one_lane,
+        [&](std::size_t i) { return std::array{elementary_value(name, x(i), y(i))}; },
+        [&](auto &&row) {
+            WideFloat a, b;
+            for (int k = 0; k < lanes; ++k) a.v[k] = x(row(k)), b.v[k] = y(row(k));
+            return std::array{elementary_value(name, a, b)};
+        });
 }
 
 std::span<const float> values_of(const Column &array) { return {array.data(), array.shape(0)}; }
@@ -205,19 +336,21 @@ void bind_statistics(nb::module_ &m) {
         .def_prop_ro("transmissive", &LoneBsdf::transmissive)
         .def_prop_ro("delta", &LoneBsdf::delta)
         .def_prop_ro("roughness", &LoneBsdf::roughness)
-        .def("sample_many", &LoneBsdf::sample_many, nb::arg("wo"), nb::arg("u"),
+        .def_prop_ro("wide", &LoneBsdf::wide, "Whether it is computed in the lanes of vectors.")
+        .def("sample_many", &LoneBsdf::sample_many, nb::arg("wo"), nb::arg("u"), nb::arg("one_lane") = false,
              "Samples wi given wo (1 or N, 3), u (N, 3) = u_lobe, u.x, u.y in [0, 1): a dict of arrays wi "
              "(N, 3), "
-             "weight (N, 3), pdf, eta, kind (0 diffuse, 1 glossy, 2 specular, 3 null) and valid (N,).")
+             "weight (N, 3), pdf, eta, width, delta and valid (N,).")
         .def("eval_many", &LoneBsdf::eval_many, nb::arg("wo"), nb::arg("wi"),
+             nb::arg("one_lane") = false,
              "Evaluates wo (1 or N, 3), wi (N, 3): f_cos (N, 3) and pdf (N,) per solid angle.");
-    m.def("sampler_camera", &sampler_camera, nb::arg("kind"), nb::arg("seed"), nb::arg("x"), nb::arg("y"),
-          nb::arg("first"), nb::arg("count"),
-          "A pixel's camera numbers (count, 5): film x, y, lens x, y, flight.");
-    m.def("sampler_blocks", &sampler_blocks, nb::arg("kind"), nb::arg("seed"), nb::arg("x"), nb::arg("y"),
-          nb::arg("first"), nb::arg("count"), nb::arg("bounce"),
-          "A pixel's numbers of one bounce (count, 8): light_uv x, y, bsdf_uv x, y, light, lobe, roulette, "
-          "medium.");
+    m.def("sampler_cameras", &sampler_cameras, nb::arg("kind"), nb::arg("rows"), nb::arg("one_lane") = false,
+          "The camera numbers (N, 6) of rows (N, 4) of seed, x, y, index: film x, y, lens x, y, flight, channel.");
+    m.def("sampler_bounces", &sampler_bounces, nb::arg("kind"), nb::arg("rows"), nb::arg("one_lane") = false,
+          "The numbers (N, 8) of rows (N, 5) of seed, x, y, index, bounce: light_uv x, y, bsdf_uv x, y, light, "
+          "lobe, roulette, flight.");
+    m.def("elementary", &elementary, nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("one_lane") = false,
+          "A function of base/math.h of x (N,) and y (N,), which those of one number ignore.");
     m.def("distribution_sample", &distribution_sample, nb::arg("weights"), nb::arg("u"),
           "Samples a discrete distribution with u (N,): a dict of arrays index, probability, rest (N,).");
     m.def("distribution_probability", &distribution_probability, nb::arg("weights"),

@@ -52,12 +52,10 @@ template <class>
 struct LobesOf;
 template <class... Model>
 struct LobesOf<std::variant<Model...>> {
-    static_assert((IsLobe<typename Model::Lobe> && ...));
-    using type = Distinct<std::variant<>, typename Model::Lobe...>::type;
+    static_assert((IsBsdf<Model> && ...) && ((sizeof(LobeOf<Model, float>) <= 96) && ...));
+    using type = Distinct<std::variant<>, LobeOf<Model, float>...>::type;
 };
-} // namespace detail
 
-namespace detail {
 template <class Variant, class Last>
 struct With;
 template <class... Models, class Last>
@@ -69,67 +67,35 @@ struct With<std::variant<Models...>, Last> {
 using Coating = CoatingOf<BareBsdf, detail::LobesOf<BareBsdf>::type>;
 using Bsdf = detail::With<BareBsdf, Coating>::type;
 
-// A prepared lobe of any model.
+// A prepared lobe of any model, at one hit.
 using Lobe = detail::With<detail::LobesOf<BareBsdf>::type, Coating::Lobe>::type;
-static_assert(sizeof(Coating::Lobe) <= 176);
+static_assert(IsBsdf<Coating> && sizeof(Coating::Lobe) <= 176);
 
 // These three are flattened, and take directions by reference: passing three floats by value through a call
 // that is not inlined costs a store-forwarding stall each.
 template <class Read>
 [[gnu::flatten]] Lobe prepare(const Bsdf &bsdf, const Read &read) {
-    return match(bsdf, [&](const auto &model) -> Lobe { return model.prepare(read); });
+    return match(bsdf, [&](const auto &model) -> Lobe { return prepare_lobe<float>(model, read); });
 }
-[[gnu::flatten]] inline BsdfEval eval(const Lobe &lobe, const Vec3f &wo, const Vec3f &wi) {
+[[gnu::flatten]] inline BsdfEval<float> eval(const Lobe &lobe, const Vec3f &wo, const Vec3f &wi) {
     return match(lobe, [&](const auto &l) { return l.eval(wo, wi); });
 }
-[[gnu::flatten]] inline std::optional<BsdfSample> sample(const Lobe &lobe, const Vec3f &wo, float u_lobe,
-                                                         const Vec2f &u) {
+[[gnu::flatten]] inline BsdfSample<float> sample(const Lobe &lobe, const Vec3f &wo, float u_lobe,
+                                                 const Vec2f &u) {
     return match(lobe, [&](const auto &l) { return l.sample(wo, u_lobe, u); });
 }
-// The parameter that stands for a BSDF's diffuse colour, where it has one.
-template <class Read>
-std::optional<Spectrum> diffuse_colour(const Bsdf &bsdf, const Read &read) {
-    return match(bsdf, [&](const auto &model) -> std::optional<Spectrum> {
-        if constexpr (requires { model.base_color; }) return read(model.base_color);
-        else if constexpr (requires { model.diffuse_reflectance; }) return read(model.diffuse_reflectance);
-        else if constexpr (requires { model.reflectance; }) return read(model.reflectance);
-        else return std::nullopt;
-    });
-}
-inline bool is_delta(const Bsdf &bsdf) {
-    return match(bsdf, [](const auto &model) { return std::decay_t<decltype(model)>::Lobe::delta; });
-}
 inline float roughness(const Lobe &lobe) {
-    return match(lobe, [](const auto &l) { return l.roughness(); });
+    return match(lobe, [](const auto &l) -> float { return l.roughness(); });
 }
-// What passes straight through.
-inline Passage passage(const Lobe &lobe, const Vec3f &wo) {
-    return match(lobe, [&](const auto &l) -> Passage {
-        if constexpr (requires { l.straight(wo); }) return l.straight(wo);
+// What passes straight through: of most lobes nothing.
+inline NullTransmission<float> null_transmission(const Lobe &lobe, const Vec3f &wo) {
+    return match(lobe, [&](const auto &l) -> NullTransmission<float> {
+        if constexpr (requires { l.null_transmission(wo); }) return l.null_transmission(wo);
         else return {};
     });
 }
-inline bool lets_pass(const Bsdf &bsdf) {
-    return match(bsdf, [](const auto &model) {
-        return requires(const std::decay_t<decltype(model)>::Lobe &lobe) { lobe.straight(Vec3f()); };
-    });
-}
-// Whether a BSDF does not care where the tangent points.
-template <class Variant>
-bool is_isotropic(const Variant &bsdf) {
-    return match(bsdf, [](const auto &model) {
-        if constexpr (requires { model.alpha_u; }) return model.alpha_u == model.alpha_v;
-        else if constexpr (requires { model.anisotropic; }) return model.anisotropic == Texture<float>(0);
-        else if constexpr (requires { model.base; }) return is_isotropic(model.base);
-        else return !requires { model.uses_tangent; };
-    });
-}
-// Whether light passes through: some models say so of their kind, others of their parameters.
-inline bool is_transmissive(const Bsdf &bsdf) {
-    return match(bsdf, [](const auto &model) {
-        if constexpr (requires { model.transmissive(); }) return model.transmissive();
-        else return std::decay_t<decltype(model)>::Lobe::transmissive;
-    });
+inline BsdfTraits traits(const Bsdf &bsdf) {
+    return match(bsdf, [](const auto &model) { return model.traits(); });
 }
 
 } // namespace lajolla

@@ -37,10 +37,13 @@ struct CoatingOf {
             field("distribution", &CoatingOf::distribution, "statistics of the microfacets"),
             field("alpha", &CoatingOf::alpha, "roughness of the layer; 0 is smooth").range(0));
     }
+    BsdfTraits traits() const {
+        const BsdfTraits below = match(base, [](const auto &model) { return model.traits(); });
+        return {.anisotropic = below.anisotropic};
+    }
 
     struct Lobe {
-        static constexpr bool transmissive = false, delta = false;
-        Microfacet surface;
+        Microfacet<float> surface;
         float eta;
         const CosineTable *entering; // fraction of light that a rough layer lets through; none: it is smooth
         Spectrum absorption;         // over the layer's thickness
@@ -49,15 +52,15 @@ struct CoatingOf {
         BaseLobe base;
 
         float roughness() const {
-            const float below = match(base, [](const auto &lobe) { return lobe.roughness(); });
+            const float below = match(base, [](const auto &lobe) -> float { return lobe.roughness(); });
             return entering ? std::max(surface.roughness(), below) : below;
         }
 
-        BsdfEval eval(Vec3f wo, Vec3f wi) const {
+        BsdfEval<float> eval(const Vec3f &wo, const Vec3f &wi) const {
             if (wo.z <= 0 || wi.z <= 0) return {};
             const Side o = side(wo), i = side(wi);
             const float p = choice(o);
-            BsdfEval result;
+            BsdfEval<float> result;
             if (entering) {
                 const Vec3f m = normalize(wo + wi);
                 const float density = surface.visible(wo, m) / 4;
@@ -65,31 +68,32 @@ struct CoatingOf {
                 result = {reflectance * (f * density * surface.masking(wi)), density * p};
             }
             if (o.inner.z <= 0 || i.inner.z <= 0) return result;
-            const BsdfEval below = eval_base(o.inner, i.inner);
+            const BsdfEval<float> below = eval_base(o.inner, i.inner);
             const float compression = wi.z / (sqr(eta) * i.inner.z); // of solid angles
             result.f_cos += below.f_cos * passed(o, i) * compression;
             result.pdf += below.pdf * (1 - p) * compression;
             return result;
         }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f u) const {
-            if (wo.z <= 0) return std::nullopt;
+        BsdfSample<float> sample(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
+            if (wo.z <= 0) return {};
             const Side o = side(wo);
             const float p = choice(o);
             if (u_lobe < p) {
                 if (!entering) return mirrored(wo, o, p, u);
                 const Vec3f wi = reflect(wo, surface.sample_visible(wo, u));
-                return finished(wo, wi, ScatterKind::glossy, surface.roughness());
+                return finished(wo, wi, surface.roughness());
             }
-            if (o.inner.z <= 0) return std::nullopt;
-            const auto below = sample_base(o.inner, std::min((u_lobe - p) / (1 - p), one_minus_ulp), u);
-            if (!below || below->wi.z <= 0) return std::nullopt;
-            if (below->is_delta() && !entering) return mirrored(wo, o, p, u);
-            const Vec3f wi = outwards(below->wi);
-            if (wi.z <= 0) return std::nullopt;
-            if (!below->is_delta()) return finished(wo, wi, below->kind, below->roughness);
-            return BsdfSample{wi, below->weight * passed(o, side(wi)) / (1 - p), below->pdf * (1 - p), 1,
-                              below->kind};
+            if (o.inner.z <= 0) return {};
+            const float u_base = std::min((u_lobe - p) / (1 - p), one_minus_ulp);
+            const BsdfSample<float> below = sample_base(o.inner, u_base, u);
+            if (!below.valid || below.wi.z <= 0) return {};
+            if (below.delta && !entering) return mirrored(wo, o, p, u);
+            const Vec3f wi = outwards(below.wi);
+            if (wi.z <= 0) return {};
+            if (!below.delta) return finished(wo, wi, below.width);
+            const Spectrum weight = below.weight * passed(o, side(wi)) / (1 - p);
+            return {true, wi, weight, below.pdf * (1 - p), 1, true, below.width};
         }
 
     private:
@@ -99,11 +103,11 @@ struct CoatingOf {
             float through; // fraction
         };
 
-        Side side(Vec3f w) const {
+        Side side(const Vec3f &w) const {
             const auto [reflected, cos_t] = fresnel_dielectric(w.z, eta);
             return {{w.x / eta, w.y / eta, cos_t}, entering ? (*entering)(w.z) : 1 - reflected};
         }
-        Vec3f outwards(Vec3f inner) const {
+        Vec3f outwards(const Vec3f &inner) const {
             const float x = inner.x * eta, y = inner.y * eta;
             return {x, y, safe_sqrt(1 - x * x - y * y)};
         }
@@ -114,14 +118,14 @@ struct CoatingOf {
         }
         // The mirror image in a smooth layer, and with it that in a base which is a mirror, too: models
         // choose their specular part by small u_lobe.
-        BsdfSample mirrored(Vec3f wo, const Side &o, float p, Vec2f u) const {
+        BsdfSample<float> mirrored(const Vec3f &wo, const Side &o, float p, const Vec2f &u) const {
             Spectrum value = reflectance * (1 - o.through);
             if (o.inner.z > 0)
-                if (const auto below = sample_base(o.inner, 0, u); below && below->is_delta()) {
-                    value += below->weight * passed(o, o) * below->pdf;
-                    p += below->pdf * (1 - p);
+                if (const BsdfSample<float> below = sample_base(o.inner, 0, u); below.valid && below.delta) {
+                    value += below.weight * passed(o, o) * below.pdf;
+                    p += below.pdf * (1 - p);
                 }
-            return {{-wo.x, -wo.y, wo.z}, value / p, p, 1, ScatterKind::specular};
+            return {true, {-wo.x, -wo.y, wo.z}, value / p, p, 1, true, 0};
         }
         // The probability of sampling the layer.
         float choice(const Side &o) const {
@@ -129,17 +133,16 @@ struct CoatingOf {
             const float above = (1 - o.through) * specular_weight, below = o.through * (1 - specular_weight);
             return above + below > 0 ? above / (above + below) : 1;
         }
-        std::optional<BsdfSample> finished(Vec3f wo, Vec3f wi, ScatterKind kind, float width) const {
-            const BsdfEval e = eval(wo, wi);
-            if (!(e.pdf > 1e-30f)) return std::nullopt;
-            return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1, kind, width};
+        BsdfSample<float> finished(const Vec3f &wo, const Vec3f &wi, float width) const {
+            const BsdfEval<float> e = eval(wo, wi);
+            if (!(e.pdf > 1e-30f)) return {};
+            return {true, wi, e.f_cos / e.pdf, e.pdf, 1, false, width};
         }
         // Not inlined: the code of all models once more would be large.
-        [[gnu::noinline]] BsdfEval eval_base(const Vec3f &wo, const Vec3f &wi) const {
+        [[gnu::noinline]] BsdfEval<float> eval_base(const Vec3f &wo, const Vec3f &wi) const {
             return match(base, [&](const auto &lobe) { return lobe.eval(wo, wi); });
         }
-        [[gnu::noinline]] std::optional<BsdfSample> sample_base(const Vec3f &wo, float u_lobe,
-                                                                const Vec2f &u) const {
+        [[gnu::noinline]] BsdfSample<float> sample_base(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
             return match(base, [&](const auto &lobe) { return lobe.sample(wo, u_lobe, u); });
         }
     };
@@ -156,7 +159,7 @@ struct CoatingOf {
                 absorption,
                 tint,
                 1 / (1 + mean(left)),
-                match(base, [&](const auto &model) -> BaseLobe { return model.prepare(read); })};
+                match(base, [&](const auto &model) -> BaseLobe { return prepare_lobe<float>(model, read); })};
     }
 
 private:
@@ -166,13 +169,10 @@ private:
 template <class Base, class BaseLobe>
 void CoatingOf<Base, BaseLobe>::build() {
     check_indices(int_ior, ext_ior);
-    const bool clear = match(base, [](const auto &model) {
-        if constexpr (requires { model.transmissive(); }) return model.transmissive();
-        else return std::decay_t<decltype(model)>::Lobe::transmissive;
-    });
+    const bool clear = match(base, [](const auto &model) { return model.traits().transmissive; });
     if (clear) throw std::invalid_argument("a coating needs a base that light does not pass through");
     if (alpha == 0) return;
-    const Microfacet surface(distribution, alpha, alpha);
+    const Microfacet<float> surface(distribution, alpha, alpha);
     for (std::size_t i = 0; i < entering_.values.size(); ++i) {
         const float z = CosineTable::node(i);
         const Vec3f w{safe_sqrt(1 - z * z), 0, z};

@@ -19,21 +19,29 @@ struct Conductor {
                 .range(0, 1));
     }
 
+    BsdfTraits traits() const { return {.delta = true}; }
+
+    template <class Float>
     struct Lobe {
-        static constexpr bool transmissive = false, delta = true;
-        Spectrum eta, k, reflectance;
+        Rgb<Float> eta, k, reflectance;
 
         float roughness() const { return 0; }
-        BsdfEval eval(Vec3f, Vec3f) const { return {}; }
+        BsdfEval<Float> eval(const Vec3<Float> &, const Vec3<Float> &) const { return {}; }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float, Vec2f) const {
-            if (wo.z <= 0) return std::nullopt;
-            const Spectrum f = reflectance * fresnel_conductor(wo.z, eta, k);
-            return BsdfSample{{-wo.x, -wo.y, wo.z}, f, 1, 1, ScatterKind::specular};
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float, const Vec2<Float> &) const {
+            return {.valid = wo.z > 0.0f,
+                    .wi = {-wo.x, -wo.y, wo.z},
+                    .weight = reflectance * fresnel_conductor(wo.z, eta, k),
+                    .pdf = 1,
+                    .delta = true,
+                    .width = 0};
         }
     };
 
-    Lobe prepare(const auto &read) const { return {read(eta), read(k), read(specular_reflectance)}; }
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
+        return {read(eta), read(k), read(specular_reflectance)};
+    }
 };
 
 } // namespace lajolla

@@ -23,29 +23,39 @@ struct Dielectric {
                 .range(0, 1));
     }
 
+    BsdfTraits traits() const { return {.transmissive = true, .delta = true}; }
+
+    template <class Float>
     struct Lobe {
-        static constexpr bool transmissive = true, delta = true;
         float eta; // inside relative to outside
-        Spectrum reflectance, transmittance;
+        Rgb<Float> reflectance, transmittance;
 
         float roughness() const { return 0; }
-        BsdfEval eval(Vec3f, Vec3f) const { return {}; }
+        BsdfEval<Float> eval(const Vec3<Float> &, const Vec3<Float> &) const { return {}; }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f) const {
-            const float side = std::copysign(1.0f, wo.z), beyond = wo.z > 0 ? eta : 1 / eta;
-            const float f = fresnel_dielectric(side * wo.z, beyond).reflectance;
-            const Spectrum r = reflectance * f, t = transmittance * (1 - f);
-            const float total = mean(r) + mean(t), p_r = mean(r) / total, p_t = mean(t) / total;
-            if (!(total > 0)) return std::nullopt;
-            if (u_lobe < p_r) return BsdfSample{{-wo.x, -wo.y, wo.z}, r / p_r, p_r, 1, ScatterKind::specular};
-            const float x = -wo.x / beyond, y = -wo.y / beyond;
-            const Vec3f wi{x, y, -side * safe_sqrt(1 - x * x - y * y)};
-            return BsdfSample{wi, t / p_t, p_t, beyond, ScatterKind::specular};
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float u_lobe, const Vec2<Float> &) const {
+            const Float beyond = select(wo.z > 0.0f, Float(eta), Float(1 / eta));
+            const Float f = fresnel_dielectric(abs(wo.z), beyond).reflectance;
+            const Rgb<Float> r = reflectance * f, t = transmittance * (1 - f);
+            const Float p_r = mean(r), p_t = mean(t), total = p_r + p_t;
+            const auto reflected = u_lobe < p_r / total;
+            const Float p = select(reflected, p_r, p_t) / total;
+            const Float x = -wo.x / beyond, y = -wo.y / beyond;
+            const Vec3<Float> refracted{x, y, copysign(safe_sqrt(1 - x * x - y * y), -wo.z)};
+            return {.valid = total > 0.0f,
+                    .wi = select(reflected, {-wo.x, -wo.y, wo.z}, refracted),
+                    .weight = select(reflected, r, t) / p,
+                    .pdf = p,
+                    .eta = select(reflected, Float(1), beyond),
+                    .delta = true,
+                    .width = 0};
         }
     };
 
     void build() const { check_indices(int_ior, ext_ior); }
-    Lobe prepare(const auto &read) const {
+
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
         return {int_ior / ext_ior, read(specular_reflectance), read(specular_transmittance)};
     }
 };

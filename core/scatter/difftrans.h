@@ -15,29 +15,30 @@ struct DiffuseTransmitter {
             field("transmittance", &DiffuseTransmitter::transmittance, "fraction of light let through")
                 .range(0, 1));
     }
+    BsdfTraits traits() const { return {.transmissive = true}; }
 
+    template <class Float>
     struct Lobe {
-        static constexpr bool transmissive = true, delta = false;
-        Spectrum transmittance;
+        Rgb<Float> transmittance;
 
         float roughness() const { return 1; }
 
-        BsdfEval eval(Vec3f wo, Vec3f wi) const {
-            if (wo.z * wi.z >= 0) return {};
-            const float pdf = cosine_hemisphere_pdf(std::abs(wi.z));
+        BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+            const Float pdf = select(wo.z * wi.z < 0.0f, cosine_hemisphere_pdf(abs(wi.z)), Float(0));
             return {transmittance * pdf, pdf};
         }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float, Vec2f u) const {
-            Vec3f wi = sample_cosine_hemisphere(u);
-            if (wo.z == 0 || wi.z == 0) return std::nullopt;
-            const float pdf = cosine_hemisphere_pdf(wi.z);
-            wi.z = std::copysign(wi.z, -wo.z);
-            return BsdfSample{wi, transmittance, pdf};
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float, const Vec2<Float> &u) const {
+            const Vec3<Float> above = sample_cosine_hemisphere(u);
+            const Vec3<Float> wi{above.x, above.y, copysign(above.z, -wo.z)};
+            return {wo.z != 0.0f && wi.z != 0.0f, wi, transmittance, cosine_hemisphere_pdf(above.z)};
         }
     };
 
-    Lobe prepare(const auto &read) const { return {read(transmittance)}; }
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
+        return {read(transmittance)};
+    }
 };
 
 } // namespace lajolla

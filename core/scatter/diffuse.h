@@ -14,27 +14,29 @@ struct Diffuse {
         return std::tuple(
             field("reflectance", &Diffuse::reflectance, "fraction of light reflected").range(0, 1));
     }
+    BsdfTraits traits() const { return {.lambertian = true, .diffuse_colour = &reflectance}; }
 
+    template <class Float>
     struct Lobe {
-        static constexpr bool transmissive = false, delta = false;
-        Spectrum reflectance;
+        Rgb<Float> reflectance;
 
         float roughness() const { return 1; }
 
-        BsdfEval eval(Vec3f wo, Vec3f wi) const {
-            if (cos_theta(wo) <= 0 || cos_theta(wi) <= 0) return {};
-            const float pdf = cosine_hemisphere_pdf(cos_theta(wi));
+        BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+            const Float pdf = select(wo.z > 0.0f && wi.z > 0.0f, cosine_hemisphere_pdf(wi.z), Float(0));
             return {reflectance * pdf, pdf};
         }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float, Vec2f u) const {
-            const Vec3f wi = sample_cosine_hemisphere(u);
-            if (cos_theta(wo) <= 0 || cos_theta(wi) <= 0) return std::nullopt;
-            return BsdfSample{wi, reflectance, cosine_hemisphere_pdf(cos_theta(wi))};
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float, const Vec2<Float> &u) const {
+            const Vec3<Float> wi = sample_cosine_hemisphere(u);
+            return {wo.z > 0.0f && wi.z > 0.0f, wi, reflectance, cosine_hemisphere_pdf(wi.z)};
         }
     };
 
-    Lobe prepare(const auto &read) const { return {read(reflectance)}; }
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
+        return {read(reflectance)};
+    }
 };
 
 } // namespace lajolla

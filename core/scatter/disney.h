@@ -14,65 +14,84 @@
 namespace lajolla::disney {
 
 // Schlick 1994: what grazing angles add to the reflectance f0 at normal incidence, f0 + (1 - f0) weight.
-constexpr float schlick_weight(float cosine) {
-    const float m = std::clamp(1 - cosine, 0.0f, 1.0f);
+template <class Float>
+Float schlick_weight(Float cosine) {
+    const Float m = clamp(1 - cosine, 0.0f, 1.0f);
     return sqr(sqr(m)) * m;
 }
-inline Spectrum schlick(Spectrum f0, float weight) { return f0 * (1 - weight) + Spectrum(weight); }
+template <class Float>
+Rgb<Float> schlick(const Rgb<Float> &f0, Float weight) {
+    return f0 * (1 - weight) + Rgb<Float>(weight);
+}
 // Its mean over a cosine-weighted hemisphere, where the mean weight is 1/21, and at most one: colours may be
 // more, and the series of bounces between facets that reflect more than one has no sum.
-inline Spectrum schlick_mean(Spectrum f0, Spectrum f90 = Spectrum(1)) {
-    return min(f0 * (20.0f / 21) + f90 * (1.0f / 21), Spectrum(1));
+template <class Float>
+Rgb<Float> schlick_mean(const Rgb<Float> &f0, const Rgb<Float> &f90 = Rgb<Float>(1)) {
+    return min(f0 * (20.0f / 21) + f90 * (1.0f / 21), Rgb<Float>(1));
 }
 
 // Reflectance at normal incidence.
-constexpr float reflectance_of_index(float eta) { return sqr((eta - 1) / (eta + 1)); }
+template <class Float>
+Float reflectance_of_index(Float eta) {
+    return sqr((eta - 1) / (eta + 1));
+}
 
 // The index of refraction inside relative to outside, such that a rough boundary bends light. Throws
 // std::invalid_argument where there is no such index.
 inline float checked_index(float eta, bool refracts) {
     if (!(eta >= 1e-3f && eta <= 1e3f))
         throw std::invalid_argument("eta must be between 0.001 and 1000, not " + std::to_string(eta));
-    return refracts && std::abs(eta - 1) < 1e-3f ? 1.001f : eta;
+    return refracts && abs(eta - 1) < 1e-3f ? 1.001f : eta;
 }
 
-// What textures hold need not be a colour or a fraction.
-constexpr Spectrum colour(Spectrum s) { return max(Spectrum(0), s); }
-constexpr float fraction(float x) { return x >= 0 ? std::min(x, 1.0f) : 0; }
+// What textures hold need not be a colour or a fraction. NaN is taken for 0, the first operand of max.
+template <class Float>
+Rgb<Float> colour(const Rgb<Float> &s) {
+    return max(Rgb<Float>(0), s);
+}
+template <class Float>
+Float fraction(Float x) {
+    return min(max(Float(0), x), Float(1));
+}
 
 // The normal halfway between two directions, and its cosine with either.
+template <class Float>
 struct Halfway {
-    Vec3f m;
-    float cosine;
+    Vec3<Float> m;
+    Float cosine;
 };
-inline Halfway halfway(Vec3f wo, Vec3f wi) {
-    const Vec3f sum = wo + wi;
-    const float l = length(sum);
+template <class Float>
+Halfway<Float> halfway(const Vec3<Float> &wo, const Vec3<Float> &wi) {
+    const Vec3<Float> sum = wo + wi;
+    const Float l = length(sum);
     return {sum * (1 / l), l / 2};
 }
 
 // White and a base colour of luminance one, mixed: `white` + base * `hue`.
+template <class Float>
 struct Tint {
-    float white = 0, hue = 0;
-    constexpr Tint(Spectrum base, float amount) {
-        const float y = luminance(base);
-        hue = y > 1e-12f ? amount / y : 0;
-        white = y > 1e-12f ? 1 - amount : 1;
+    Float white = 0, hue = 0;
+    Tint(const Rgb<Float> &base, Float amount) {
+        const Float y = luminance(base);
+        const auto has_hue = y > 1e-12f;
+        hue = select(has_hue, amount / y, Float(0));
+        white = select(has_hue, 1 - amount, Float(1));
     }
-    constexpr Tint operator*(float share) const {
+    Tint operator*(Float share) const {
         Tint scaled = *this;
         scaled.white *= share;
         scaled.hue *= share;
         return scaled;
     }
-    constexpr Spectrum operator()(Spectrum base) const { return Spectrum(white) + base * hue; }
+    Rgb<Float> operator()(const Rgb<Float> &base) const { return Rgb<Float>(white) + base * hue; }
 };
 
 // Burley 2012, section 5.4: roughness is the square root of alpha, with a long axis along the tangent.
-inline Microfacet microfacets(float roughness, float anisotropic, float least_alpha) {
-    const float aspect = std::sqrt(1 - 0.9f * anisotropic), alpha = sqr(roughness);
-    return {MicrofacetKind::ggx, std::max(alpha / aspect, least_alpha),
-            std::max(alpha * aspect, least_alpha)};
+template <class Float>
+Microfacet<Float> microfacets(Float roughness, std::type_identity_t<Float> anisotropic, float least_alpha) {
+    const Float aspect = sqrt(1 - 0.9f * anisotropic), alpha = sqr(roughness);
+    return {MicrofacetKind::ggx, max(alpha / aspect, Float(least_alpha)),
+            max(alpha * aspect, Float(least_alpha))};
 }
 
 // What such a surface loses where its facets reflect everything.
@@ -86,48 +105,54 @@ lost_by_reflection(const Texture<float> &roughness, const Texture<float> &anisot
 // The diffuse shape, times pi: Burley 2012, section 5.3, with the retro-reflection of rough surfaces, and its
 // flattened variant after Hanrahan and Krueger 1993 that looks like subsurface scattering. cos_d is the
 // cosine between either direction and the one halfway.
-inline float diffuse(float cos_o, float cos_i, float cos_d, float roughness, float flatness) {
-    const float w_o = schlick_weight(cos_o), w_i = schlick_weight(cos_i);
-    const float ss90 = roughness * sqr(cos_d), d90 = 0.5f + 2 * ss90;
-    const float retro = lerp(w_o, 1.0f, d90) * lerp(w_i, 1.0f, d90);
-    if (flatness == 0) return retro;
-    const float ss = lerp(w_o, 1.0f, ss90) * lerp(w_i, 1.0f, ss90);
-    const float flat = 1.25f * (ss * (1 / (cos_o + cos_i) - 0.5f) + 0.5f);
+template <class Float>
+Float diffuse(Float cos_o, Float cos_i, Float cos_d, Float roughness, Float flatness) {
+    const Float w_o = schlick_weight(cos_o), w_i = schlick_weight(cos_i);
+    const Float ss90 = roughness * sqr(cos_d), d90 = 0.5f + 2 * ss90;
+    const Float retro = lerp(w_o, Float(1), d90) * lerp(w_i, Float(1), d90);
+    if (!any(flatness != 0.0f)) return retro;
+    const Float ss = lerp(w_o, Float(1), ss90) * lerp(w_i, Float(1), ss90);
+    const Float flat = 1.25f * (ss * (1 / (cos_o + cos_i) - 0.5f) + 0.5f);
     return lerp(flatness, retro, flat);
 }
 
 // About what sheen scatters altogether, (1 - cos_d)^5 cos_i over the hemisphere: it steers choices only.
-constexpr float sheen_albedo(float cos_o) { return 0.1f * sqr(1.05f - cos_o); }
+template <class Float>
+Float sheen_albedo(Float cos_o) {
+    return 0.1f * sqr(1.05f - cos_o);
+}
 
 // The second specular lobe with its wide tails: GTR1 normals (Burley 2012, appendix B) of alpha 0.1 to 0.001,
 // and the masking of a GGX surface of alpha 0.25.
+template <class Float>
 class Clearcoat {
 public:
-    explicit Clearcoat(float gloss) : alpha_(lerp(gloss, 0.1f, 0.001f)) {}
+    explicit Clearcoat(Float gloss) : alpha_(lerp(gloss, Float(0.1f), Float(0.001f))) {}
 
-    float roughness() const { return alpha_; }
+    Float roughness() const { return alpha_; }
 
     // Its integral times cos(theta_m) is one.
-    float density(Vec3f m) const {
-        const float alpha2 = sqr(alpha_), sin2 = m.x * m.x + m.y * m.y;
-        return (alpha2 - 1) * inv_pi / (std::log(alpha2) * (sin2 + alpha2 * m.z * m.z));
+    Float density(const Vec3<Float> &m) const {
+        const Float alpha2 = sqr(alpha_), sin2 = m.x * m.x + m.y * m.y;
+        return (alpha2 - 1) * inv_pi / (log(alpha2) * (sin2 + alpha2 * m.z * m.z));
     }
     // With density density(m) cos(theta_m). The sine is what is exact near the normal.
-    Vec3f sample(Vec2f u) const {
-        const float alpha2 = sqr(alpha_);
-        const float sin2 = std::min(alpha2 * std::expm1(-u.x * std::log(alpha2)) / (1 - alpha2), 1.0f);
-        const float r = std::sqrt(sin2), phi = 2 * pi * u.y;
-        return {r * std::cos(phi), r * std::sin(phi), std::sqrt(1 - sin2)};
+    Vec3<Float> sample(const Vec2<Float> &u) const {
+        const Float alpha2 = sqr(alpha_);
+        const Float sin2 = min(alpha2 * expm1(-u.x * log(alpha2)) / (1 - alpha2), Float(1));
+        const Float r = sqrt(sin2);
+        const auto [sine, cosine] = sine_cosine(2 * pi * u.y);
+        return {r * cosine, r * sine, sqrt(1 - sin2)};
     }
     // Schlick's reflectance of an interface of index 1.5.
-    static float fresnel(float weight) { return lerp(weight, 0.04f, 1.0f); }
-    static float masking(Vec3f w) {
-        const float tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
-        return 2 / (1 + std::sqrt(1 + sqr(0.25f) * tan2));
+    static Float fresnel(Float weight) { return lerp(weight, Float(0.04f), Float(1)); }
+    static Float masking(const Vec3<Float> &w) {
+        const Float tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
+        return 2 / (1 + sqrt(1 + sqr(0.25f) * tan2));
     }
 
 private:
-    float alpha_;
+    Float alpha_;
 };
 
 } // namespace lajolla::disney

@@ -46,25 +46,37 @@ struct DisneyBsdf {
 
     struct Rules {
         static constexpr bool tinted_reflection = true;
-        static constexpr float schlick(float cos_o, float, float) { return disney::schlick_weight(cos_o); }
-        static constexpr float clearcoat(float cos_o, float) { return 1 / (4 * cos_o); }
+        template <class Float>
+        static Float schlick(Float cos_o, Float, float) {
+            return disney::schlick_weight(cos_o);
+        }
+        template <class Float>
+        static Float clearcoat(Float cos_o, Float) {
+            return 1 / (4 * cos_o);
+        }
     };
-    using Lobe = PrincipledLobe<Rules>;
+    template <class Float>
+    using Lobe = PrincipledLobe<Float, Rules>;
 
-    bool transmissive() const { return specular_transmission != Texture<float>(0); }
+    BsdfTraits traits() const {
+        return {.transmissive = specular_transmission != Texture<float>(0),
+                .anisotropic = anisotropic != Texture<float>(0),
+                .diffuse_colour = &base_color};
+    }
     void build() {
-        eta = disney::checked_index(eta, transmissive());
+        eta = disney::checked_index(eta, traits().transmissive);
         if (multiscatter) lost_ = disney::lost_by_reflection(roughness, anisotropic, least_alpha);
     }
 
-    [[gnu::noinline]] Lobe prepare(const auto &read) const {
+    template <class Float>
+    [[gnu::noinline]] Lobe<Float> prepare(const auto &read) const {
         const auto share = [&](const Texture<float> &texture) { return disney::fraction(read(texture)); };
-        const Spectrum base = disney::colour(read(base_color));
-        const float m = share(metallic), t = share(specular_transmission), gloss = 1 - t * (1 - m);
-        const float normal = share(specular) * disney::reflectance_of_index(eta) * (1 - m);
-        const float rough = share(roughness);
+        const Rgb<Float> base = disney::colour(read(base_color));
+        const Float m = share(metallic), t = share(specular_transmission), gloss = 1 - t * (1 - m);
+        const Float normal = share(specular) * disney::reflectance_of_index(eta) * (1 - m);
+        const Float rough = share(roughness);
         return {.surface = disney::microfacets(rough, share(anisotropic), least_alpha),
-                .coat = disney::Clearcoat(share(clearcoat_gloss)),
+                .coat = disney::Clearcoat<Float>(share(clearcoat_gloss)),
                 .eta = eta,
                 .base = base,
                 .metal = (disney::Tint(base, share(specular_tint))(base) * normal + base * m) * gloss,

@@ -15,33 +15,40 @@ struct DisneyClearcoat {
                               .range(0, 1));
     }
 
+    BsdfTraits traits() const { return {}; }
+
+    template <class Float>
     struct Lobe {
-        static constexpr bool transmissive = false, delta = false;
-        disney::Clearcoat coat;
+        disney::Clearcoat<Float> coat;
 
-        float roughness() const { return coat.roughness(); }
+        Float roughness() const { return coat.roughness(); }
 
-        BsdfEval eval(Vec3f wo, Vec3f wi) const {
-            if (wo.z <= 0 || wi.z <= 0) return {};
+        BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
             const auto [m, cos_d] = disney::halfway(wo, wi);
-            const float density = coat.density(m);
-            const float f = coat.fresnel(disney::schlick_weight(cos_d)) * density * coat.masking(wo) *
+            const Float density = coat.density(m);
+            const Float f = coat.fresnel(disney::schlick_weight(cos_d)) * density * coat.masking(wo) *
                             coat.masking(wi) / (4 * wo.z);
-            return {Spectrum(f), density * m.z / (4 * cos_d)};
+            return select(wo.z > 0.0f && wi.z > 0.0f,
+                          BsdfEval<Float>{Rgb<Float>(f), density * m.z / (4 * cos_d)}, {});
         }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float, Vec2f u) const {
-            const Vec3f m = coat.sample(u);
-            if (dot(wo, m) <= 0) return std::nullopt;
-            const Vec3f wi = reflect(wo, m);
-            const BsdfEval e = eval(wo, wi);
-            if (!(e.pdf > 0)) return std::nullopt;
-            return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1, ScatterKind::glossy, roughness()};
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float, const Vec2<Float> &u) const {
+            const Vec3<Float> m = coat.sample(u), wi = reflect(wo, m);
+            const Float cos_d = dot(wo, m);
+            const Float weight = coat.fresnel(disney::schlick_weight(cos_d)) * coat.masking(wo) *
+                                 coat.masking(wi) * cos_d / (wo.z * m.z);
+            const Float pdf = coat.density(m) * m.z / (4 * cos_d);
+            return {.valid = wo.z > 0.0f && wi.z > 0.0f && pdf > 0.0f,
+                    .wi = wi,
+                    .weight = Rgb<Float>(weight),
+                    .pdf = pdf,
+                    .width = roughness()};
         }
     };
 
-    Lobe prepare(const auto &read) const {
-        return {disney::Clearcoat(disney::fraction(read(clearcoat_gloss)))};
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
+        return {disney::Clearcoat<Float>(disney::fraction(read(clearcoat_gloss)))};
     }
 };
 

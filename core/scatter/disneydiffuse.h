@@ -20,31 +20,38 @@ struct DisneyDiffuse {
                 .range(0, 1));
     }
 
+    BsdfTraits traits() const { return {.diffuse_colour = &base_color}; }
+
+    template <class Float>
     struct Lobe {
-        static constexpr bool transmissive = false, delta = false;
-        Spectrum base{0}, sheen{0};
-        float surface_roughness = 0, subsurface = 0;
+        Rgb<Float> base{0}, sheen{0};
+        Float surface_roughness = 0, subsurface = 0;
 
         float roughness() const { return 1; }
 
-        BsdfEval eval(Vec3f wo, Vec3f wi) const {
-            if (wo.z <= 0 || wi.z <= 0) return {};
-            const float cos_d = disney::halfway(wo, wi).cosine, pdf = cosine_hemisphere_pdf(wi.z);
-            const float diffuse = disney::diffuse(wo.z, wi.z, cos_d, surface_roughness, subsurface);
-            return {base * (diffuse * pdf) + sheen * (disney::schlick_weight(cos_d) * wi.z), pdf};
+        BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+            const Float pdf = cosine_hemisphere_pdf(wi.z);
+            return select(wo.z > 0.0f && wi.z > 0.0f, BsdfEval<Float>{shape(wo, wi) * pdf, pdf}, {});
         }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float, Vec2f u) const {
-            const Vec3f wi = sample_cosine_hemisphere(u);
-            const BsdfEval e = eval(wo, wi);
-            if (!(e.pdf > 0)) return std::nullopt;
-            return BsdfSample{wi, e.f_cos / e.pdf, e.pdf};
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float, const Vec2<Float> &u) const {
+            const Vec3<Float> wi = sample_cosine_hemisphere(u);
+            return {wo.z > 0.0f && wi.z > 0.0f, wi, shape(wo, wi), cosine_hemisphere_pdf(wi.z)};
+        }
+
+    private:
+        Rgb<Float> shape(const Vec3<Float> &wo, const Vec3<Float> &wi) const { // the BSDF times pi
+            const Float cos_d = disney::halfway(wo, wi).cosine;
+            return base * disney::diffuse(wo.z, wi.z, cos_d, surface_roughness, subsurface) +
+                   sheen * (pi * disney::schlick_weight(cos_d));
         }
     };
 
-    Lobe prepare(const auto &read) const {
-        return {disney::colour(read(base_color)), Spectrum(0), disney::fraction(read(roughness)),
-                disney::fraction(read(subsurface))};
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
+        return {.base = disney::colour(read(base_color)),
+                .surface_roughness = disney::fraction(read(roughness)),
+                .subsurface = disney::fraction(read(subsurface))};
     }
 };
 

@@ -27,7 +27,14 @@ struct DisneyGlass {
                   "give back the light that bounces between microfacets, where anisotropic is 0"));
     }
 
-    using Lobe = RoughDielectric::Lobe;
+    BsdfTraits traits() const {
+        return {.transmissive = true,
+                .anisotropic = anisotropic != Texture<float>(0),
+                .diffuse_colour = &base_color};
+    }
+
+    template <class Float>
+    using Lobe = RoughDielectric::Lobe<Float>;
 
     void build() {
         eta = disney::checked_index(eta, true);
@@ -39,8 +46,9 @@ struct DisneyGlass {
             !roughness.is_constant(), eta);
     }
 
-    Lobe prepare(const auto &read) const {
-        const Spectrum base = disney::colour(read(base_color));
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
+        const Rgb<Float> base = disney::colour(read(base_color));
         return {disney::microfacets(disney::fraction(read(roughness)), disney::fraction(read(anisotropic)),
                                     least_alpha),
                 eta, base, sqrt(base), lost_.get()};

@@ -23,24 +23,31 @@ struct DisneyMetal {
                   "give back the light that bounces between microfacets"));
     }
 
-    struct Facet {
-        Spectrum base;
+    BsdfTraits traits() const {
+        return {.anisotropic = anisotropic != Texture<float>(0), .diffuse_colour = &base_color};
+    }
 
-        Spectrum reflectance(float cos_d) const {
+    template <class Float>
+    struct Facet {
+        Rgb<Float> base;
+
+        Rgb<Float> reflectance(Float cos_d) const {
             return disney::schlick(base, disney::schlick_weight(cos_d));
         }
     };
-    using Lobe = MetalLobe<Facet>;
+    template <class Float>
+    using Lobe = MetalLobe<Float, Facet<Float>>;
 
     void build() {
         if (multiscatter) lost_ = disney::lost_by_reflection(roughness, anisotropic, least_alpha);
     }
 
-    Lobe prepare(const auto &read) const {
-        const Spectrum base = disney::colour(read(base_color));
-        Lobe lobe{disney::microfacets(disney::fraction(read(roughness)), disney::fraction(read(anisotropic)),
-                                      least_alpha),
-                  {base}};
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
+        const Rgb<Float> base = disney::colour(read(base_color));
+        Lobe<Float> lobe{disney::microfacets(disney::fraction(read(roughness)),
+                                             disney::fraction(read(anisotropic)), least_alpha),
+                         {base}};
         if (lost_) {
             lobe.lost = lost_.get();
             lobe.regained = regained_by_reflection(disney::schlick_mean(base), lobe.lost->mean(lobe.surface));

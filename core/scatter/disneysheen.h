@@ -17,11 +17,15 @@ struct DisneySheen {
                 .range(0, 1));
     }
 
-    using Lobe = DisneyDiffuse::Lobe;
+    BsdfTraits traits() const { return {.diffuse_colour = &base_color}; }
 
-    Lobe prepare(const auto &read) const {
-        const Spectrum base = disney::colour(read(base_color));
-        return {Spectrum(0), disney::Tint(base, disney::fraction(read(sheen_tint)))(base)};
+    template <class Float>
+    using Lobe = DisneyDiffuse::Lobe<Float>;
+
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
+        const Rgb<Float> base = disney::colour(read(base_color));
+        return {.sheen = disney::Tint(base, disney::fraction(read(sheen_tint)))(base)};
     }
 };
 

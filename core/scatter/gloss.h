@@ -7,53 +7,53 @@
 
 namespace lajolla {
 
+template <class Float>
 struct GlossValue {
-    float f_cos, pdf;
+    Float f_cos, pdf;
 };
 
 // A Gloss has
 //   eval(wo, wi)    its value times |cos wi| for a colour of one, and its density
 //   sample(wo, u)   a direction, perhaps below the surface
 //   roughness()     as a lobe has
-template <class Gloss>
+template <class Float, class Gloss>
 struct GlossyAndDiffuse {
-    static constexpr bool transmissive = false, delta = false;
     // Colours that exceed one together are scaled down, as in Mitsuba 0.6.
-    GlossyAndDiffuse(const Gloss &gloss_, Spectrum diffuse_, Spectrum specular_)
+    GlossyAndDiffuse(const Gloss &gloss_, const Rgb<Float> &diffuse_, const Rgb<Float> &specular_)
         : gloss(gloss_), diffuse(diffuse_), specular(specular_) {
-        const float scale = 1 / std::max(max_component(diffuse + specular), 1.0f);
+        const Float scale = 1 / max(max_component(diffuse + specular), Float(1));
         diffuse *= scale;
         specular *= scale;
-        const float d = mean(diffuse), s = mean(specular);
-        p_gloss = s > 0 ? s / (s + d) : 0;
+        const Float d = mean(diffuse), s = mean(specular);
+        p_gloss = select(s > 0.0f, s / (s + d), Float(0));
     }
 
-    float roughness() const { return p_gloss < 1 ? 1 : gloss.roughness(); }
+    Float roughness() const { return select(p_gloss < 1.0f, Float(1), gloss.roughness()); }
 
-    BsdfEval eval(Vec3f wo, Vec3f wi) const {
-        if (wo.z <= 0 || wi.z <= 0) return {};
-        const float cosine = cosine_hemisphere_pdf(wi.z);
+    BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+        const auto above = wo.z > 0.0f && wi.z > 0.0f;
+        if (!any(above)) return {};
+        const Float cosine = cosine_hemisphere_pdf(wi.z);
         const auto [f_cos, pdf] = gloss.eval(wo, wi);
-        return {diffuse * cosine + specular * f_cos, lerp(p_gloss, cosine, pdf)};
+        return select(above, BsdfEval<Float>{diffuse * cosine + specular * f_cos, lerp(p_gloss, cosine, pdf)},
+                      {});
     }
 
-    std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f u) const {
-        if (wo.z <= 0) return std::nullopt;
-        const bool glossy = u_lobe < p_gloss;
-        const Vec3f wi = glossy ? gloss.sample(wo, u) : sample_cosine_hemisphere(u);
-        const BsdfEval e = eval(wo, wi);
-        if (!(e.pdf > 1e-30f)) return std::nullopt;
-        return BsdfSample{wi,
-                          e.f_cos / e.pdf,
-                          e.pdf,
-                          1,
-                          glossy ? ScatterKind::glossy : ScatterKind::diffuse,
-                          gloss.roughness()};
+    BsdfSample<Float> sample(const Vec3<Float> &wo, Float u_lobe, const Vec2<Float> &u) const {
+        const auto glossy = u_lobe < p_gloss;
+        Vec3<Float> wi = sample_cosine_hemisphere(u);
+        if (any(glossy)) wi = select(glossy, gloss.sample(wo, u), wi);
+        const BsdfEval<Float> e = eval(wo, wi);
+        return {.valid = e.pdf > 1e-30f,
+                .wi = wi,
+                .weight = e.f_cos / e.pdf,
+                .pdf = e.pdf,
+                .width = select(glossy, gloss.roughness(), Float(1))};
     }
 
     Gloss gloss;
-    Spectrum diffuse, specular;
-    float p_gloss; // of choosing the glossy lobe
+    Rgb<Float> diffuse, specular;
+    Float p_gloss; // of choosing the glossy lobe
 };
 
 } // namespace lajolla

@@ -32,7 +32,6 @@ inline float bessel_i0_scaled(float x) {
 struct Hair {
     static constexpr const char *name = "hair";
     static constexpr const char *doc = "A fibre of hair or fur, on curves.";
-    static constexpr bool uses_tangent = true;
     Texture<Spectrum> sigma_a{Spectrum(0.5821f, 0.9861f, 1.991f)};
     float scale = 1;
     float longitudinal_roughness = 0.3f, azimuthal_roughness = 0.3f, scale_tilt = 2;
@@ -55,6 +54,7 @@ struct Hair {
             field("int_ior", &Hair::int_ior, "index of refraction of the fibre").range(0),
             field("ext_ior", &Hair::ext_ior, "index of refraction outside").range(0));
     }
+    BsdfTraits traits() const { return {.transmissive = true, .anisotropic = true}; }
 
     // What all hits of a model share.
     struct Fibre {
@@ -65,24 +65,23 @@ struct Hair {
     };
 
     struct Lobe {
-        static constexpr bool transmissive = true, delta = false;
         const Fibre *fibre;
         Spectrum sigma_a;
 
         float roughness() const { return 1; }
 
-        BsdfEval eval(const Vec3f &wo, const Vec3f &wi) const {
+        BsdfEval<float> eval(const Vec3f &wo, const Vec3f &wi) const {
             const Arrival arrival(wo, *fibre, sigma_a);
             return value(arrival, longitude(wi), std::atan2(wi.z, wi.x) - arrival.phi);
         }
 
-        std::optional<BsdfSample> sample(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
+        BsdfSample<float> sample(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
             const Arrival arrival(wo, *fibre, sigma_a);
             std::size_t p = 0; // how often the light passes through the fibre; 3 is
                                // any number from there on
             float rest = u_lobe;
             while (p < 3 && rest >= arrival.probability[p]) rest -= arrival.probability[p++];
-            if (!(arrival.probability[p] > 0)) return std::nullopt;
+            if (!(arrival.probability[p] > 0)) return {};
             rest = std::min(rest / arrival.probability[p], one_minus_ulp);
 
             // d'Eon et al. 2013, "Importance Sampling for Physically-Based Hair Fiber
@@ -98,9 +97,9 @@ struct Hair {
             const float turn = p < 3 ? arrival.exit(p) + sample_logistic(rest) : 2 * pi * rest;
             const float phi = arrival.phi + turn;
             const Vec3f wi{cosine * std::cos(phi), sine, cosine * std::sin(phi)};
-            const BsdfEval e = value(arrival, {cosine, sine}, turn);
-            if (!(e.pdf > 1e-30f)) return std::nullopt;
-            return BsdfSample{normalize(wi), e.f_cos / e.pdf, e.pdf, 1, ScatterKind::glossy, 1};
+            const BsdfEval<float> e = value(arrival, {cosine, sine}, turn);
+            if (!(e.pdf > 1e-30f)) return {};
+            return {true, normalize(wi), e.f_cos / e.pdf, e.pdf};
         }
 
     private:
@@ -151,7 +150,7 @@ struct Hair {
             }
         };
 
-        BsdfEval value(const Arrival &arrival, Vec2f theta, float turn) const {
+        BsdfEval<float> value(const Arrival &arrival, Vec2f theta, float turn) const {
             Spectrum sum(0);
             float pdf = 0;
             for (std::size_t p = 0; p < 4; ++p) {

@@ -37,7 +37,7 @@ public:
 
     float roughness() const { return roughness_; }
 
-    BsdfEval eval(Vec3f wo, Vec3f wi) const {
+    BsdfEval<float> eval(Vec3f wo, Vec3f wi) const {
         const Vec2f signs = folding(wo);
         wo = folded(wo, signs);
         wi = folded(wi, signs);
@@ -156,31 +156,30 @@ inline float Measurement::roughness_of(const MeasuredTables::Square<float> &ndf)
 struct Measured {
     static constexpr const char *name = "measured";
     static constexpr const char *doc = "A material as a goniophotometer saw it (Dupuy and Jakob 2018).";
-    static constexpr bool uses_tangent = true;
     std::shared_ptr<const Measurement> measurement;
 
     static constexpr auto fields() {
         return std::tuple(
             field("measurement", &Measured::measurement, "what was measured; black without it"));
     }
+    BsdfTraits traits() const { return {.anisotropic = true}; }
 
     struct Lobe {
-        static constexpr bool transmissive = false, delta = false;
         const Measurement *measurement;
 
         float roughness() const { return measurement != nullptr ? measurement->roughness() : 1; }
 
-        BsdfEval eval(Vec3f wo, Vec3f wi) const {
+        BsdfEval<float> eval(const Vec3f &wo, const Vec3f &wi) const {
             if (measurement == nullptr || wo.z <= 0 || wi.z <= 0) return {};
             return measurement->eval(wo, wi);
         }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float, Vec2f u) const {
-            if (measurement == nullptr || wo.z <= 0) return std::nullopt;
+        BsdfSample<float> sample(const Vec3f &wo, float, const Vec2f &u) const {
+            if (measurement == nullptr || wo.z <= 0) return {};
             const Vec3f wi = measurement->sample(wo, u);
-            const BsdfEval e = eval(wo, wi);
-            if (!(e.pdf > 1e-30f)) return std::nullopt;
-            return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1, ScatterKind::glossy, roughness()};
+            const BsdfEval<float> e = eval(wo, wi);
+            if (!(e.pdf > 1e-30f)) return {};
+            return {true, wi, e.f_cos / e.pdf, e.pdf, 1, false, roughness()};
         }
     };
 

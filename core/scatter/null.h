@@ -11,18 +11,22 @@ struct Null {
 
     static constexpr auto fields() { return std::tuple(); }
 
-    struct Lobe {
-        static constexpr bool transmissive = true, delta = true;
+    BsdfTraits traits() const { return {.transmissive = true, .delta = true, .null_transmission = true}; }
 
+    template <class Float>
+    struct Lobe {
         float roughness() const { return 0; }
-        Passage straight(Vec3f) const { return {Spectrum(1), 1}; }
-        BsdfEval eval(Vec3f, Vec3f) const { return {}; }
-        std::optional<BsdfSample> sample(Vec3f wo, float, Vec2f) const {
-            return BsdfSample{-wo, Spectrum(1), 1, 1, ScatterKind::null};
+        NullTransmission<Float> null_transmission(const Vec3<Float> &) const { return {Rgb<Float>(1), 1}; }
+        BsdfEval<Float> eval(const Vec3<Float> &, const Vec3<Float> &) const { return {}; }
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float, const Vec2<Float> &) const {
+            return {.valid = true, .wi = -wo, .weight = Rgb<Float>(1), .pdf = 1, .delta = true, .width = 0};
         }
     };
 
-    Lobe prepare(const auto &) const { return {}; }
+    template <class Float>
+    Lobe<Float> prepare(const auto &) const {
+        return {};
+    }
 };
 
 } // namespace lajolla

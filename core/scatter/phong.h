@@ -22,35 +22,38 @@ struct Phong {
                   "fraction of light in the highlights; with the base's at most one")
                 .range(0, 1));
     }
+    BsdfTraits traits() const { return {.diffuse_colour = &diffuse_reflectance}; }
 
     // A power of the cosine around the mirrored direction.
+    template <class Float>
     struct Gloss {
-        float exponent;
+        Float exponent;
 
         // Beckmann's roughness of about the same width (Walter et al. 2007, section 5.1).
-        float roughness() const { return std::sqrt(2 / (exponent + 2)); }
+        Float roughness() const { return sqrt(2 / (exponent + 2)); }
 
-        GlossValue eval(Vec3f wo, Vec3f wi) const {
+        GlossValue<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
             // 1 - cos from the difference of the directions: the cosine itself is too coarse near one
-            const float height = length_squared(wi - mirrored(wo)) / 2;
-            if (height >= 1) return {0, 0};
-            const float lobe = std::exp(exponent * std::log1p(-height)) / (2 * pi);
+            const Float height = length_squared(wi - mirrored(wo)) / 2;
+            const Float power = exp(exponent * log1p(-height));
+            const Float lobe = select(height < 1.0f, power / (2 * pi), Float(0));
             return {(exponent + 2) * lobe * wi.z, (exponent + 1) * lobe};
         }
-        Vec3f sample(Vec3f wo, Vec2f u) const {
-            const float height = -std::expm1(std::log(1 - u.x) / (exponent + 1));
-            const float r = std::sqrt(height * (2 - height)), phi = 2 * pi * u.y;
-            return normalize(
-                frame_around(mirrored(wo)).to_world({r * std::cos(phi), r * std::sin(phi), 1 - height}));
+        Vec3<Float> sample(const Vec3<Float> &wo, const Vec2<Float> &u) const {
+            const Float height = -expm1(log(1 - u.x) / (exponent + 1)), r = sqrt(height * (2 - height));
+            const auto [sine, cosine] = sine_cosine(2 * pi * u.y);
+            return normalize(frame_around(mirrored(wo)).to_world({r * cosine, r * sine, 1 - height}));
         }
 
     private:
-        static Vec3f mirrored(Vec3f w) { return {-w.x, -w.y, w.z}; }
+        static Vec3<Float> mirrored(const Vec3<Float> &w) { return {-w.x, -w.y, w.z}; }
     };
-    using Lobe = GlossyAndDiffuse<Gloss>;
+    template <class Float>
+    using Lobe = GlossyAndDiffuse<Float, Gloss<Float>>;
 
-    Lobe prepare(const auto &read) const {
-        return {{std::max(read(exponent), 0.0f)}, read(diffuse_reflectance), read(specular_reflectance)};
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
+        return {{max(read(exponent), Float(0))}, read(diffuse_reflectance), read(specular_reflectance)};
     }
 };
 

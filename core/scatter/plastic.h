@@ -25,55 +25,63 @@ struct Plastic {
             field("nonlinear", &Plastic::nonlinear, "let colours deepen as light bounces under the coat"));
     }
 
+    BsdfTraits traits() const { return {.diffuse_colour = &diffuse_reflectance}; }
+
+    template <class Float>
     struct Lobe {
-        static constexpr bool transmissive = false, delta = false;
         float eta;
-        Spectrum base;        // albedo after bounces under the coat, over eta^2 for refraction on the way out
-        Spectrum reflectance; // tint of the coat
-        float diffuse_weight, specular_weight; // mean albedos: they steer the choice between base and coat
+        Rgb<Float> base; // albedo after bounces under the coat, over eta^2 for refraction on the way out
+        Rgb<Float> reflectance;                // tint of the coat
+        Float diffuse_weight, specular_weight; // mean albedos: they steer the choice between base and coat
 
         float roughness() const { return 1; }
 
-        BsdfEval eval(Vec3f wo, Vec3f wi) const {
-            if (wo.z <= 0 || wi.z <= 0) return {};
-            const float f_o = fresnel_dielectric(wo.z, eta).reflectance;
-            return eval_base(f_o, choice(f_o).base, wi);
+        BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+            const Float f_o = fresnel_dielectric(wo.z, eta).reflectance, pdf = cosine_hemisphere_pdf(wi.z);
+            const BsdfEval<Float> e{base_over_cosine(f_o, wi) * pdf, pdf * choice(f_o).base};
+            return select(wo.z > 0.0f && wi.z > 0.0f, e, {});
         }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f u) const {
-            if (wo.z <= 0) return std::nullopt;
-            const float f_o = fresnel_dielectric(wo.z, eta).reflectance;
-            const auto [p, p_base] = choice(f_o);
-            if (u_lobe < p)
-                return BsdfSample{{-wo.x, -wo.y, wo.z}, reflectance * (f_o / p), p, 1, ScatterKind::specular};
-            const Vec3f wi = sample_cosine_hemisphere(u);
-            const BsdfEval e = eval_base(f_o, p_base, wi);
-            if (!(e.pdf > 0)) return std::nullopt;
-            return BsdfSample{wi, e.f_cos / e.pdf, e.pdf};
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float u_lobe, const Vec2<Float> &u) const {
+            const Float f_o = fresnel_dielectric(wo.z, eta).reflectance;
+            const Choice p = choice(f_o);
+            const auto specular = u_lobe < p.coat;
+            const Vec3<Float> diffuse = sample_cosine_hemisphere(u);
+            const Float pdf = select(specular, p.coat, cosine_hemisphere_pdf(diffuse.z) * p.base);
+            return {.valid = wo.z > 0.0f && pdf > 0.0f,
+                    .wi = select(specular, {-wo.x, -wo.y, wo.z}, diffuse),
+                    .weight = select(specular, reflectance * f_o, base_over_cosine(f_o, diffuse)) /
+                              select(specular, p.coat, p.base),
+                    .pdf = pdf,
+                    .delta = specular,
+                    .width = select(specular, Float(0), Float(1))};
         }
 
     private:
         struct Choice { // probabilities
-            float coat, base;
+            Float coat, base;
         };
 
-        Choice choice(float f_o) const {
-            const float s = f_o * specular_weight, d = (1 - f_o) * diffuse_weight;
-            return s > 0 ? Choice{s / (s + d), d / (s + d)} : Choice{0, 1};
+        Choice choice(Float f_o) const {
+            const Float s = f_o * specular_weight, d = (1 - f_o) * diffuse_weight;
+            const auto coated = s > 0.0f;
+            return {select(coated, s / (s + d), Float(0)), select(coated, d / (s + d), Float(1))};
         }
-        BsdfEval eval_base(float f_o, float p_base, Vec3f wi) const {
-            const float f_i = fresnel_dielectric(wi.z, eta).reflectance, pdf = cosine_hemisphere_pdf(wi.z);
-            return {base * (pdf * (1 - f_o) * (1 - f_i)), pdf * p_base};
+        // The value of the base over the density of cosine-weighted sampling.
+        Rgb<Float> base_over_cosine(Float f_o, const Vec3<Float> &wi) const {
+            const Float f_i = fresnel_dielectric(wi.z, eta).reflectance;
+            return base * ((1 - f_o) * (1 - f_i));
         }
     };
 
     void build() const { check_indices(int_ior, ext_ior); }
 
-    Lobe prepare(const auto &read) const {
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
         const float relative = int_ior / ext_ior, inside = fresnel_diffuse_reflectance(1 / relative);
-        const Spectrum d = read(diffuse_reflectance), s = read(specular_reflectance);
+        const Rgb<Float> d = read(diffuse_reflectance), s = read(specular_reflectance);
         // The geometric series of reflections between base and coat; the linear variant keeps the hue.
-        const Spectrum escaping = Spectrum(1) - (nonlinear ? d * inside : Spectrum(inside));
+        const Rgb<Float> escaping = Rgb<Float>(1) - (nonlinear ? d * inside : Rgb<Float>(inside));
         return {relative, d / (escaping * sqr(relative)), s, mean(d), mean(s)};
     }
 };

@@ -44,27 +44,37 @@ struct Principled {
 
     struct Rules {
         static constexpr bool tinted_reflection = false;
-        static constexpr float schlick(float cos_o, float cos_t, float eta) {
+        template <class Float>
+        static Float schlick(Float cos_o, Float cos_t, float eta) {
             return disney::schlick_weight(eta > 1 ? cos_o : cos_t);
         }
-        static constexpr float clearcoat(float, float cos_i) { return cos_i; }
+        template <class Float>
+        static Float clearcoat(Float, Float cos_i) {
+            return cos_i;
+        }
     };
-    using Lobe = PrincipledLobe<Rules>;
+    template <class Float>
+    using Lobe = PrincipledLobe<Float, Rules>;
 
-    bool transmissive() const { return spec_trans != Texture<float>(0); }
+    BsdfTraits traits() const {
+        return {.transmissive = spec_trans != Texture<float>(0),
+                .anisotropic = anisotropic != Texture<float>(0),
+                .diffuse_colour = &base_color};
+    }
     void build() {
-        eta = disney::checked_index(eta, transmissive());
+        eta = disney::checked_index(eta, traits().transmissive);
         if (multiscatter) lost_ = disney::lost_by_reflection(roughness, anisotropic, least_alpha);
     }
 
-    [[gnu::noinline]] Lobe prepare(const auto &read) const {
+    template <class Float>
+    [[gnu::noinline]] Lobe<Float> prepare(const auto &read) const {
         const auto share = [&](const Texture<float> &texture) { return disney::fraction(read(texture)); };
-        const Spectrum base = disney::colour(read(base_color));
-        const float m = share(metallic), t = share(spec_trans), tint = share(spec_tint);
-        const Spectrum tinted = disney::Tint(base, 1)(base) * disney::reflectance_of_index(eta);
-        const float rough = share(roughness);
+        const Rgb<Float> base = disney::colour(read(base_color));
+        const Float m = share(metallic), t = share(spec_trans), tint = share(spec_tint);
+        const Rgb<Float> tinted = disney::Tint(base, Float(1))(base) * disney::reflectance_of_index(eta);
+        const Float rough = share(roughness);
         return {.surface = disney::microfacets(rough, share(anisotropic), least_alpha),
-                .coat = disney::Clearcoat(share(clearcoat_gloss)),
+                .coat = disney::Clearcoat<Float>(share(clearcoat_gloss)),
                 .eta = eta,
                 .base = base,
                 .metal = base * m + tinted * ((1 - m) * tint),

@@ -17,153 +17,173 @@
 
 namespace lajolla {
 
-template <class Rules>
+template <class Float, class Rules>
 struct PrincipledLobe {
-    static constexpr bool transmissive = true, delta = false;
-    Microfacet surface;
-    disney::Clearcoat coat;
+    Microfacet<Float> surface;
+    disney::Clearcoat<Float> coat;
     float eta; // inside relative to outside
-    Spectrum base;
-    Spectrum metal;   // reflectance at normal incidence of what follows Schlick, times its share
-    float metal_edge; // the same at grazing angles
-    float dielectric; // share of untinted reflection at the boundary, seen from outside
-    float glass;      // share of refraction, and of reflection inside
-    float diffuse, surface_roughness, flatness;
-    disney::Tint sheen; // scaled by its share
-    float coat_share;
+    Rgb<Float> base;
+    Rgb<Float> metal; // reflectance at normal incidence of what follows Schlick, times its share
+    Float metal_edge; // the same at grazing angles
+    Float dielectric; // share of untinted reflection at the boundary, seen from outside
+    Float glass;      // share of refraction, and of reflection inside
+    Float diffuse, surface_roughness, flatness;
+    disney::Tint<Float> sheen; // scaled by its share
+    Float coat_share;
     const LostLight *lost = nullptr; // where multiple scattering counts
 
-    float roughness() const {
-        return diffuse > 0 || sheen.white > 0 || sheen.hue > 0 ? 1 : glossy_roughness();
+    Float roughness() const {
+        return select(diffuse > 0.0f || sheen.white > 0.0f || sheen.hue > 0.0f, Float(1), glossy_roughness());
     }
 
-    [[gnu::noinline]] BsdfEval eval(const Vec3f &wo, const Vec3f &wi) const {
-        return wo.z > 0 ? eval_above(wo, wi, true, choice(wo))
-                        : eval_above(mirror(wo), mirror(wi), false, {0, 0, 1});
+    [[gnu::noinline]] BsdfEval<Float> eval(const Vec3<Float> &given_wo, const Vec3<Float> &given_wi) const {
+        const auto outside = given_wo.z > 0.0f;
+        const Vec3<Float> wo = turned(given_wo, outside), wi = turned(given_wi, outside);
+        const auto reflected = wi.z > 0.0f,
+                   scatters = wo.z > 0.0f && (reflected || (wi.z < 0.0f && glass > 0.0f));
+        if (!any(scatters)) return {};
+
+        const Float beyond = index_beyond(outside);
+        // Walter et al. 2007, equations 13 and 16
+        const Vec3<Float> h = wo + wi * select(reflected, Float(1), beyond);
+        const Float l = length(h);
+        const Vec3<Float> m = h * copysign(1 / l, h.z);
+        const auto front = reflected || (dot(wo, m) > 0.0f && dot(wi, m) < 0.0f); // not a facet's back
+        const Float cos_o = select(reflected, l / 2, dot(wo, m));
+        const BsdfEval<Float> e = eval_facet({wo, wi, m, outside, reflected, cos_o, beyond},
+                                             split(cos_o, outside), choice(wo, outside));
+        return select(scatters && front, e, {});
     }
-    [[gnu::noinline]] std::optional<BsdfSample> sample(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
-        if (wo.z > 0) return sample_above(wo, u_lobe, u, true, choice(wo));
-        auto s = sample_above(mirror(wo), u_lobe, u, false, {0, 0, 1});
-        if (s) s->wi = mirror(s->wi);
-        return s;
+
+    [[gnu::noinline]] BsdfSample<Float> sample(const Vec3<Float> &given_wo, Float u_lobe,
+                                               const Vec2<Float> &u) const {
+        const auto outside = given_wo.z > 0.0f;
+        const Vec3<Float> wo = turned(given_wo, outside);
+        const Float beyond = index_beyond(outside);
+        const Choice p = choice(wo, outside);
+        const auto is_diffuse = u_lobe < p.diffuse, is_surface = u_lobe >= p.diffuse + p.coat,
+                   is_coat = !is_diffuse && !is_surface;
+        // A direction and the facet halfway, or a facet and what it does.
+        Vec3<Float> wi, m;
+        if (any(is_diffuse)) {
+            wi = sample_cosine_hemisphere(u);
+            m = disney::halfway(wo, wi).m;
+        }
+        if (any(is_coat)) m = select(is_coat, coat.sample(u), m);
+        if (any(is_surface)) m = select(is_surface, surface.sample_visible(wo, u), m);
+        const Float cos_o = dot(wo, m);
+        const Split s = split(cos_o, outside);
+        const auto reflected = !is_surface || u_lobe - p.diffuse - p.coat < s.p_reflect * p.surface;
+        wi = select(is_diffuse, wi, reflect(wo, m));
+        if (!all(reflected)) wi = select(reflected, wi, refract(wo, m, cos_o, s.cos_t, beyond));
+
+        const BsdfEval<Float> e = eval_facet({wo, wi, m, outside, reflected, cos_o, beyond}, s, p);
+        return {.valid = wo.z > 0.0f && (!is_surface || p.surface > 0.0f) && wi.z != 0.0f &&
+                         reflected == (wi.z > 0.0f) && e.pdf > 1e-30f,
+                .wi = turned(wi, outside),
+                .weight = e.f_cos / e.pdf,
+                .pdf = e.pdf,
+                .eta = e.eta,
+                .width = select(is_diffuse, Float(1), glossy_roughness())};
     }
 
 private:
+    using Bool = BoolOf<Float>;
+
     struct Choice {                   // probabilities
-        float diffuse, coat, surface; // the first with the lost light
+        Float diffuse, coat, surface; // the first with the lost light
     };
     // The two ways on from a facet.
     struct Split {
-        Spectrum reflected, transmitted;
-        float p_reflect, p_transmit; // of choosing either; zero where it is black
-        float total;                 // mean of both
-        float cos_t;
-        float weight; // of Schlick's approximation
+        Rgb<Float> reflected, transmitted;
+        Float p_reflect, p_transmit; // of choosing either; zero where it is black
+        Float total;                 // mean of both
+        Float cos_t;
+        Float weight; // of Schlick's approximation
+    };
+    // The facet of normal m that reflects or refracts wi to wo, which is above the surface; light is inside
+    // there if not `outside`.
+    struct Facet {
+        Vec3<Float> wo, wi, m;
+        Bool outside, reflected;
+        Float cos_o;  // between m and wo
+        Float beyond; // index of refraction on the far side
     };
 
-    float glossy_roughness() const {
-        return coat_share > 0 ? std::max(surface.roughness(), coat.roughness()) : surface.roughness();
+    Float glossy_roughness() const {
+        return select(coat_share > 0.0f, max(surface.roughness(), coat.roughness()), surface.roughness());
     }
-    static Vec3f mirror(Vec3f w) { return {w.x, w.y, -w.z}; }
+    // Seen from inside, everything is turned over; and back.
+    static Vec3<Float> turned(const Vec3<Float> &w, Bool outside) {
+        return {w.x, w.y, select(outside, w.z, -w.z)};
+    }
+    Float index_beyond(Bool outside) const { return select(outside, Float(eta), Float(1 / eta)); }
 
-    Split split(float cos_o, bool outside) const {
-        const auto [f, cos_t] = fresnel_dielectric(cos_o, outside ? eta : 1 / eta);
-        const Spectrum tinted =
-            Rules::tinted_reflection ? base * (glass * f) : Spectrum(outside ? 0 : glass * f);
-        const float w = Rules::schlick(cos_o, cos_t, eta);
-        const Spectrum r =
-            outside ? metal * (1 - w) + Spectrum(metal_edge * w + dielectric * f) + tinted : tinted;
-        const Spectrum t = sqrt(base) * (glass * (1 - f));
-        const float p_r = mean(r), p_t = mean(t), total = std::max(p_r + p_t, 1e-30f);
+    Split split(Float cos_o, Bool outside) const {
+        const auto [f, cos_t] = fresnel_dielectric(cos_o, index_beyond(outside));
+        const Rgb<Float> tinted =
+            Rules::tinted_reflection ? base * (glass * f) : Rgb<Float>(select(outside, Float(0), glass * f));
+        const Float w = Rules::schlick(cos_o, cos_t, eta);
+        const Rgb<Float> r =
+            tinted + select(outside, metal * (1 - w) + Rgb<Float>(metal_edge * w + dielectric * f), {});
+        const Rgb<Float> t = sqrt(base) * (glass * (1 - f));
+        const Float p_r = mean(r), p_t = mean(t), total = max(p_r + p_t, Float(1e-30f));
         return {r, t, p_r / total, p_t / total, p_r + p_t, cos_t, w};
     }
 
     // What becomes of the light along wo that the reflection seen from outside loses, as a lobe over
     // L(wi) cos(wi) / pi. Refracted light that is lost stays so.
-    [[gnu::noinline]] Spectrum regained(const Vec3f &wo) const {
-        const Spectrum untinted(dielectric * fresnel_diffuse_reflectance(eta));
-        const Spectrum f = min(disney::schlick_mean(metal, Spectrum(metal_edge)) + untinted, Spectrum(1));
+    [[gnu::noinline]] Rgb<Float> regained(const Vec3<Float> &wo) const {
+        const Rgb<Float> untinted(dielectric * fresnel_diffuse_reflectance(eta));
+        const Rgb<Float> f =
+            min(disney::schlick_mean(metal, Rgb<Float>(metal_edge)) + untinted, Rgb<Float>(1));
         return regained_by_reflection(f, lost->mean(surface)) * (*lost)(surface, wo);
     }
 
     // The parts are chosen by estimates of what they scatter towards wo. Facets that are seen at grazing
-    // angles are tilted: the rougher, the more.
-    Choice choice(Vec3f wo) const {
-        const float cos_o = wo.z;
-        const float alpha2 = sqr(surface.roughness());
-        const float s = split(std::sqrt((sqr(cos_o) + alpha2) / (1 + alpha2)), true).total;
-        const float w = disney::schlick_weight(cos_o);
-        const float d = mean(base) * diffuse * (1 + (surface_roughness - 0.5f) * w) +
-                        mean(sheen(base)) * disney::sheen_albedo(cos_o) + (lost ? mean(regained(wo)) : 0);
-        const float c = coat_share * coat.fresnel(w) * Rules::clearcoat(cos_o, cos_o) * 4 * cos_o;
-        const float total = std::max(s + d + c, 1e-30f);
-        return {d / total, c / total, s / total};
+    // angles are tilted: the rougher, the more. Inside there is the surface alone.
+    Choice choice(const Vec3<Float> &wo, Bool outside) const {
+        if (!any(outside)) return {0, 0, 1};
+        const Float cos_o = wo.z;
+        const Float alpha2 = sqr(surface.roughness());
+        const Float s = split(sqrt((sqr(cos_o) + alpha2) / (1 + alpha2)), true).total;
+        const Float w = disney::schlick_weight(cos_o);
+        Float d = mean(base) * diffuse * (1 + (surface_roughness - 0.5f) * w) +
+                  mean(sheen(base)) * disney::sheen_albedo(cos_o);
+        if (lost) d += mean(regained(wo));
+        const Float c = coat_share * coat.fresnel(w) * Rules::clearcoat(cos_o, cos_o) * 4 * cos_o;
+        const Float total = max(s + d + c, Float(1e-30f));
+        return {select(outside, d / total, Float(0)), select(outside, c / total, Float(0)),
+                select(outside, s / total, Float(1))};
     }
 
-    // With wo above the surface; light is inside there if not `outside`.
-    BsdfEval eval_above(Vec3f wo, Vec3f wi, bool outside, Choice p) const {
-        if (wo.z <= 0 || wi.z == 0) return {};
-        if (wi.z < 0) return eval_refracted(wo, wi, outside, p.surface);
-        const auto [m, cos_d] = disney::halfway(wo, wi);
-        const Split s = split(cos_d, outside);
-        const float density = surface.visible(wo, m) / 4;
-        BsdfEval e{s.reflected * (density * surface.masking(wi)), density * s.p_reflect * p.surface};
-        if (!outside) return e;
+    BsdfEval<Float> eval_facet(const Facet &facet, const Split &s, const Choice &p) const {
+        const auto &[wo, wi, m, outside, reflected, cos_o, beyond] = facet;
+        // Walter et al. 2007, equations 17 and 21
+        const Float bending = cos_o * sqr(beyond) * -dot(wi, m) / length_squared(wo + wi * beyond);
+        const Float density = surface.visible(wo, m) * select(reflected, Float(0.25f), bending);
+        BsdfEval<Float> e{select(reflected, s.reflected, s.transmitted) * (density * surface.masking(wi)),
+                          density * select(reflected, s.p_reflect, s.p_transmit) * p.surface,
+                          select(reflected, Float(1), beyond)};
 
-        const float cosine = cosine_hemisphere_pdf(wi.z);
-        if (diffuse > 0)
-            e.f_cos +=
-                base * (diffuse * cosine * disney::diffuse(wo.z, wi.z, cos_d, surface_roughness, flatness));
-        e.f_cos += sheen(base) * (disney::schlick_weight(cos_d) * wi.z);
-        if (lost) e.f_cos += regained(wo) * ((*lost)(surface, wi) * cosine);
-        e.pdf += cosine * p.diffuse;
-        if (coat_share > 0) {
-            const float d = coat.density(m);
-            e.f_cos += Spectrum(coat_share * coat.fresnel(s.weight) * d * coat.masking(wo) *
+        const auto covered = reflected && outside; // by everything else
+        if (!any(covered)) return e;
+        const Float cosine = cosine_hemisphere_pdf(wi.z);
+        Rgb<Float> f_cos = sheen(base) * (disney::schlick_weight(cos_o) * wi.z);
+        Float pdf = cosine * p.diffuse;
+        if (any(diffuse > 0.0f))
+            f_cos +=
+                base * (diffuse * cosine * disney::diffuse(wo.z, wi.z, cos_o, surface_roughness, flatness));
+        if (lost) f_cos += regained(wo) * ((*lost)(surface, wi) * cosine);
+        if (any(coat_share > 0.0f)) {
+            const Float d = coat.density(m);
+            f_cos += Rgb<Float>(coat_share * coat.fresnel(s.weight) * d * coat.masking(wo) *
                                 coat.masking(wi) * Rules::clearcoat(wo.z, wi.z));
-            e.pdf += d * m.z / (4 * cos_d) * p.coat;
+            pdf += d * m.z / (4 * cos_o) * p.coat;
         }
+        e.f_cos += select(covered, f_cos, {});
+        e.pdf += select(covered, pdf, Float(0));
         return e;
-    }
-
-    // Walter et al. 2007, equations 16, 17 and 21.
-    BsdfEval eval_refracted(Vec3f wo, Vec3f wi, bool outside, float p_surface) const {
-        if (glass == 0) return {};
-        const float beyond = outside ? eta : 1 / eta;
-        const Vec3f h = wo + wi * beyond;
-        const float h2 = length_squared(h);
-        const Vec3f m = h * std::copysign(1 / std::sqrt(h2), h.z);
-        const float cos_o = dot(wo, m), cos_i = dot(wi, m);
-        if (cos_o <= 0 || cos_i >= 0) return {}; // a facet's back
-        const Split s = split(cos_o, outside);
-        const float density = surface.visible(wo, m) * cos_o * sqr(beyond) * -cos_i / h2;
-        return {s.transmitted * (density * surface.masking(wi)), density * s.p_transmit * p_surface, beyond};
-    }
-
-    std::optional<BsdfSample> sample_above(Vec3f wo, float u_lobe, Vec2f u, bool outside, Choice p) const {
-        if (wo.z <= 0) return std::nullopt;
-        Vec3f wi;
-        float beyond = 1;
-        const bool is_diffuse = u_lobe < p.diffuse;
-        if (is_diffuse) {
-            wi = sample_cosine_hemisphere(u);
-        } else if (u_lobe < p.diffuse + p.coat) {
-            wi = reflect(wo, coat.sample(u));
-            if (wi.z <= 0) return std::nullopt;
-        } else {
-            if (p.surface <= 0) return std::nullopt;
-            const Vec3f m = surface.sample_visible(wo, u);
-            const float cos_o = dot(wo, m);
-            const Split s = split(cos_o, outside);
-            const bool reflected = u_lobe - p.diffuse - p.coat < s.p_reflect * p.surface;
-            if (!reflected) beyond = outside ? eta : 1 / eta;
-            wi = reflected ? reflect(wo, m) : refract(wo, m, cos_o, s.cos_t, beyond);
-            if (reflected != (wi.z > 0)) return std::nullopt;
-        }
-        const BsdfEval e = eval_above(wo, wi, outside, p);
-        if (!(e.pdf > 1e-30f)) return std::nullopt;
-        if (is_diffuse) return BsdfSample{wi, e.f_cos / e.pdf, e.pdf};
-        return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, beyond, ScatterKind::glossy, glossy_roughness()};
     }
 };
 

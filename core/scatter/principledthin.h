@@ -45,131 +45,141 @@ struct PrincipledThin {
                   "anisotropic is 0"));
     }
 
+    BsdfTraits traits() const {
+        return {.transmissive = true,
+                .anisotropic = anisotropic != Texture<float>(0),
+                .diffuse_colour = &base_color};
+    }
+
+    template <class Float>
     struct Lobe {
-        static constexpr bool transmissive = true, delta = false;
-        Microfacet front, through; // of reflection and of transmission
-        float eta;
-        Spectrum base;
-        Spectrum tinted;        // the part of the reflection at normal incidence that has a hue
-        float spec_tint, glass; // share of that, and of the specular part altogether
-        float diffuse, diffuse_through, surface_roughness, flatness; // shares and shape of the rest
-        disney::Tint sheen;
+        Microfacet<Float> front, through; // of reflection and of transmission
+        Float eta;
+        Rgb<Float> base;
+        Rgb<Float> tinted;      // the part of the reflection at normal incidence that has a hue
+        Float spec_tint, glass; // share of that, and of the specular part altogether
+        Float diffuse, diffuse_through, surface_roughness, flatness; // shares and shape of the rest
+        disney::Tint<Float> sheen;
         const LostLight *lost = nullptr; // where multiple scattering counts
 
-        float roughness() const {
-            return diffuse > 0 || diffuse_through > 0 ? 1 : std::max(front.roughness(), through.roughness());
+        Float roughness() const {
+            return select(diffuse > 0.0f || diffuse_through > 0.0f, Float(1),
+                          max(front.roughness(), through.roughness()));
         }
 
         // Both sides are alike.
-        [[gnu::noinline]] BsdfEval eval(const Vec3f &wo, const Vec3f &wi) const {
-            return wo.z > 0 ? eval_above(wo, wi, choice(wo)) : eval_above(-wo, -wi, choice(-wo));
+        [[gnu::noinline]] BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+            const Vec3<Float> above = turned(wo, wo);
+            return eval_above(above, turned(wi, wo), choice(above));
         }
-        [[gnu::noinline]] std::optional<BsdfSample> sample(const Vec3f &wo, float u_lobe,
-                                                           const Vec2f &u) const {
-            if (wo.z > 0) return sample_above(wo, u_lobe, u);
-            auto s = sample_above(-wo, u_lobe, u);
-            if (s) s->wi = -s->wi;
+        [[gnu::noinline]] BsdfSample<Float> sample(const Vec3<Float> &wo, Float u_lobe,
+                                                   const Vec2<Float> &u) const {
+            BsdfSample<Float> s = sample_above(turned(wo, wo), u_lobe, u);
+            s.wi = turned(s.wi, wo);
             return s;
         }
 
     private:
+        using Bool = BoolOf<Float>;
+
         struct Choice {                                        // probabilities
-            float reflect, transmit, diffuse, diffuse_through; // the last two with the lost light
+            Float reflect, transmit, diffuse, diffuse_through; // the last two with the lost light
         };
 
-        static Vec3f mirror(Vec3f w) { return {w.x, w.y, -w.z}; }
-
-        Spectrum reflectance(float cos_d) const {
-            const auto [f, cos_t] = fresnel_dielectric(cos_d, eta);
-            const float w = disney::schlick_weight(eta > 1 ? cos_d : cos_t);
-            return Spectrum(f * (1 - spec_tint) + w * spec_tint) + tinted * (1 - w);
+        // As seen from the other side, if wo is below.
+        static Vec3<Float> turned(const Vec3<Float> &w, const Vec3<Float> &wo) {
+            return select(wo.z > 0.0f, w, -w);
         }
-        Spectrum transmittance(float cos_d) const {
+        static Vec3<Float> up(const Vec3<Float> &w) { return {w.x, w.y, abs(w.z)}; }
+
+        // Either surface has its long axis along the tangent.
+        Microfacet<Float> surface(Bool reflects) const {
+            return {MicrofacetKind::ggx, select(reflects, front.larger_alpha(), through.larger_alpha()),
+                    select(reflects, front.smaller_alpha(), through.smaller_alpha())};
+        }
+        Rgb<Float> reflectance(Float cos_d) const {
+            const auto [f, cos_t] = fresnel_dielectric(cos_d, eta);
+            const Float w = disney::schlick_weight(select(eta > 1.0f, cos_d, cos_t));
+            return Rgb<Float>(f * (1 - spec_tint) + w * spec_tint) + tinted * (1 - w);
+        }
+        Rgb<Float> transmittance(Float cos_d) const {
             return base * (1 - fresnel_dielectric(cos_d, eta).reflectance);
         }
 
         // Of the lost light: the fraction that is reflected in the end, as much as at a smooth boundary.
-        float reflecting() const { return fresnel_diffuse_reflectance(eta); }
-        [[gnu::noinline]] float lost_light(const Vec3f &wo, const Vec3f &wi) const { // over cos / pi
-            const float mean = std::max(lost->mean(front), 1e-6f);
+        Float reflecting() const { return fresnel_diffuse_reflectance(eta); }
+        // Over cos / pi.
+        [[gnu::noinline]] Float lost_light(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+            const Float mean = max(lost->mean(front), Float(1e-6f));
             return glass * (*lost)(front, wo) * (*lost)(front, wi) / mean;
         }
 
         // By estimates of what the parts scatter towards wo. Facets seen at grazing angles are tilted, the
         // rougher the more: the mean of level and tilted ones.
-        Choice choice(Vec3f wo) const {
-            const float cos_o = wo.z;
-            const float alpha2 = sqr(front.roughness());
-            const float tilted = std::sqrt((sqr(cos_o) + alpha2) / (1 + alpha2));
-            const float r = glass / 2 * mean(reflectance(cos_o) + reflectance(tilted));
-            const float t = glass / 2 * mean(transmittance(cos_o) + transmittance(tilted));
-            const float w = disney::schlick_weight(cos_o);
-            float d = diffuse * (mean(base) * (1 + (surface_roughness - 0.5f) * w) +
+        Choice choice(const Vec3<Float> &wo) const {
+            const Float cos_o = wo.z;
+            const Float alpha2 = sqr(front.roughness());
+            const Float tilted = sqrt((sqr(cos_o) + alpha2) / (1 + alpha2));
+            const Float r = glass / 2 * mean(reflectance(cos_o) + reflectance(tilted));
+            const Float t = glass / 2 * mean(transmittance(cos_o) + transmittance(tilted));
+            const Float w = disney::schlick_weight(cos_o);
+            Float d = diffuse * (mean(base) * (1 + (surface_roughness - 0.5f) * w) +
                                  mean(sheen(base)) * disney::sheen_albedo(cos_o));
-            float d_t = diffuse_through * mean(base);
+            Float d_t = diffuse_through * mean(base);
             if (lost) {
-                const float regained = glass * (*lost)(front, wo);
+                const Float regained = glass * (*lost)(front, wo);
                 d += regained * reflecting();
                 d_t += regained * (1 - reflecting()) * mean(base);
             }
-            const float total = std::max(r + t + d + d_t, 1e-30f);
+            const Float total = max(r + t + d + d_t, Float(1e-30f));
             return {r / total, t / total, d / total, d_t / total};
         }
 
-        BsdfEval eval_above(Vec3f wo, Vec3f wi, Choice p) const {
-            if (wo.z <= 0 || wi.z == 0) return {};
-            return wi.z > 0 ? eval_reflected(wo, wi, p) : eval_transmitted(wo, wi, p);
-        }
-        BsdfEval eval_reflected(Vec3f wo, Vec3f wi, Choice p) const {
-            const auto [m, cos_d] = disney::halfway(wo, wi);
-            const float cosine = cosine_hemisphere_pdf(wi.z);
-            const float shape = disney::diffuse(wo.z, wi.z, cos_d, surface_roughness, flatness);
-            const Spectrum cloth = sheen(base) * (disney::schlick_weight(cos_d) * wi.z);
-            BsdfEval e{(base * (shape * cosine) + cloth) * diffuse, cosine * p.diffuse};
-            if (glass > 0) {
-                const float density = front.visible(wo, m) / 4;
-                e.f_cos += reflectance(cos_d) * (glass * density * front.masking(wi));
-                e.pdf += density * p.reflect;
-            }
-            if (lost) e.f_cos += Spectrum(lost_light(wo, wi) * reflecting() * cosine);
-            return e;
-        }
         // Specular transmission is reflection turned to the other side, by a surface whose roughness depends
         // on eta (Burley 2015, section 4.2). What would meet a facet from behind is lost, as in Mitsuba.
-        BsdfEval eval_transmitted(Vec3f wo, Vec3f wi, Choice p) const {
-            const float cosine = cosine_hemisphere_pdf(-wi.z);
-            BsdfEval e{base * (diffuse_through * cosine), cosine * p.diffuse_through};
-            if (lost) e.f_cos += base * (lost_light(wo, mirror(wi)) * (1 - reflecting()) * cosine);
-            if (glass > 0) {
-                const auto [m, cos_d] = disney::halfway(wo, mirror(wi));
-                if (dot(wi, m) >= 0) return e;
-                const float density = through.visible(wo, m) / 4;
-                e.f_cos += transmittance(cos_d) * (glass * density * through.masking(wi));
-                e.pdf += density * p.transmit;
+        BsdfEval<Float> eval_above(const Vec3<Float> &wo, const Vec3<Float> &wi, const Choice &p) const {
+            const auto valid = wo.z > 0.0f && wi.z != 0.0f, reflected = wi.z > 0.0f;
+            if (!any(valid)) return {};
+            const auto [m, cos_d] = disney::halfway(wo, up(wi));
+            const Float cosine = cosine_hemisphere_pdf(abs(wi.z));
+            const Float shape = disney::diffuse(wo.z, abs(wi.z), cos_d, surface_roughness, flatness);
+            const Rgb<Float> cloth = sheen(base) * (disney::schlick_weight(cos_d) * wi.z);
+            BsdfEval<Float> e{select(reflected, (base * (shape * cosine) + cloth) * diffuse,
+                                     base * (diffuse_through * cosine)),
+                              cosine * select(reflected, p.diffuse, p.diffuse_through)};
+            if (any(glass > 0.0f)) {
+                const Microfacet<Float> facets = surface(reflected);
+                const auto meets = reflected || dot(wi, m) < 0.0f;
+                const Float density = select(meets, facets.visible(wo, m) / 4, Float(0));
+                e.f_cos += select(reflected, reflectance(cos_d), transmittance(cos_d)) *
+                           (glass * density * facets.masking(wi));
+                e.pdf += density * select(reflected, p.reflect, p.transmit);
             }
-            return e;
+            if (lost)
+                e.f_cos += select(reflected, Rgb<Float>(reflecting()), base * (1 - reflecting())) *
+                           (lost_light(wo, up(wi)) * cosine);
+            return select(valid, e, {});
         }
 
-        std::optional<BsdfSample> sample_above(Vec3f wo, float u_lobe, Vec2f u) const {
-            if (wo.z <= 0) return std::nullopt;
+        BsdfSample<Float> sample_above(const Vec3<Float> &wo, Float u_lobe, const Vec2<Float> &u) const {
             const Choice p = choice(wo);
-            const Microfacet &surface = u_lobe < p.reflect ? front : through;
-            const bool specular = u_lobe < p.reflect + p.transmit;
-            Vec3f wi;
-            if (specular) {
-                const Vec3f m = surface.sample_visible(wo, u);
-                wi = reflect(wo, m);
-                if (wi.z <= 0) return std::nullopt;
-                if (u_lobe >= p.reflect) wi = mirror(wi);
-                if (u_lobe >= p.reflect && dot(wi, m) >= 0) return std::nullopt;
-            } else {
-                wi = sample_cosine_hemisphere(u);
-                if (u_lobe >= p.reflect + p.transmit + p.diffuse) wi = -wi;
+            const auto reflects = u_lobe < p.reflect, specular = u_lobe < p.reflect + p.transmit;
+            const Microfacet<Float> facets = surface(reflects);
+            Vec3<Float> wi = sample_cosine_hemisphere(u);
+            wi = select(u_lobe < p.reflect + p.transmit + p.diffuse, wi, -wi);
+            Bool lost_at_facet = false;
+            if (any(specular)) {
+                const Vec3<Float> m = facets.sample_visible(wo, u), mirrored = reflect(wo, m),
+                                  w{mirrored.x, mirrored.y, select(reflects, mirrored.z, -mirrored.z)};
+                lost_at_facet = specular && !(mirrored.z > 0.0f && (reflects || dot(w, m) < 0.0f));
+                wi = select(specular, w, wi);
             }
-            const BsdfEval e = eval_above(wo, wi, p);
-            if (!(e.pdf > 1e-30f)) return std::nullopt;
-            if (!specular) return BsdfSample{wi, e.f_cos / e.pdf, e.pdf};
-            return BsdfSample{wi, e.f_cos / e.pdf, e.pdf, 1, ScatterKind::glossy, surface.roughness()};
+            const BsdfEval<Float> e = eval_above(wo, wi, p);
+            return {.valid = !lost_at_facet && e.pdf > 1e-30f,
+                    .wi = wi,
+                    .weight = e.f_cos / e.pdf,
+                    .pdf = e.pdf,
+                    .width = select(specular, facets.roughness(), Float(1))};
         }
     };
 
@@ -177,29 +187,30 @@ struct PrincipledThin {
         if (!multiscatter) return;
         if (!eta.is_constant() || anisotropic != Texture<float>(0)) // tables would need more coordinates
             throw std::invalid_argument("multiscatter needs an eta that is a number, and anisotropic 0");
-        const auto loss = [index = index_of(eta.constant)](const Microfacet &surface, Vec3f w, int n) {
+        const auto loss = [index = index_of(eta.constant)](const Microfacet<float> &surface, Vec3f w, int n) {
             const float reflected = surface.mean_over_visible(
                 w, n, [&](Vec3f m) { return detail::reflected_fraction(surface, w, m, index); });
-            const Microfacet beyond = through(std::sqrt(surface.larger_alpha()), 0, index);
+            const Microfacet<float> beyond = through(sqrt(surface.larger_alpha()), 0, index);
             const float transmitted = beyond.mean_over_visible(
                 w, n, [&](Vec3f m) { return transmitted_fraction(beyond, w, m, index); });
-            return std::max(1 - reflected - transmitted, 0.0f);
+            return max(1 - reflected - transmitted, 0.0f);
         };
         lost_ = std::make_shared<LostLight>(front(disney::fraction(roughness.constant), 0),
                                             !roughness.is_constant(), loss);
     }
 
-    [[gnu::noinline]] Lobe prepare(const auto &read) const {
+    template <class Float>
+    [[gnu::noinline]] Lobe<Float> prepare(const auto &read) const {
         const auto share = [&](const Texture<float> &texture) { return disney::fraction(read(texture)); };
-        const Spectrum base = disney::colour(read(base_color));
-        const float rough = share(roughness), stretch = share(anisotropic), tint = share(spec_tint);
-        const float index = index_of(read(eta)), t = share(spec_trans);
-        const float passing = disney::fraction(read(diff_trans) / 2);
+        const Rgb<Float> base = disney::colour(read(base_color));
+        const Float rough = share(roughness), stretch = share(anisotropic), tint = share(spec_tint);
+        const Float index = index_of(read(eta)), t = share(spec_trans);
+        const Float passing = disney::fraction(read(diff_trans) / 2);
         return {.front = front(rough, stretch),
                 .through = through(rough, stretch, index),
                 .eta = index,
                 .base = base,
-                .tinted = disney::Tint(base, 1)(base) * (tint * disney::reflectance_of_index(index)),
+                .tinted = disney::Tint(base, Float(1))(base) * (tint * disney::reflectance_of_index(index)),
                 .spec_tint = tint,
                 .glass = t,
                 .diffuse = (1 - t) * (1 - passing),
@@ -211,16 +222,21 @@ struct PrincipledThin {
     }
 
 private:
-    static float index_of(float eta) { return std::min(std::max(1e-3f, eta), 1e3f); }
-    static Microfacet front(float roughness, float stretch) {
+    template <class Float>
+    static Float index_of(Float eta) {
+        return min(max(Float(1e-3f), eta), Float(1e3f));
+    }
+    template <class Float>
+    static Microfacet<Float> front(Float roughness, std::type_identity_t<Float> stretch) {
         return disney::microfacets(roughness, stretch, 1e-3f);
     }
-    static Microfacet through(float roughness, float stretch, float index) {
-        const float widening = 0.65f * index - 0.35f; // Burley 2015, figure 15
+    template <class Float>
+    static Microfacet<Float> through(Float roughness, std::type_identity_t<Float> stretch, Float index) {
+        const Float widening = 0.65f * index - 0.35f; // Burley 2015, figure 15
         return disney::microfacets(roughness * widening, stretch, 1e-3f);
     }
     // Of light along w on a facet of normal m, without tint: what Lobe::eval_transmitted makes of it.
-    static float transmitted_fraction(const Microfacet &surface, Vec3f w, Vec3f m, float index) {
+    static float transmitted_fraction(const Microfacet<float> &surface, Vec3f w, Vec3f m, float index) {
         const Vec3f wi = reflect(w, m); // mirrored then
         const bool passes = wi.z > 0 && dot(Vec3f{wi.x, wi.y, -wi.z}, m) < 0;
         return passes ? (1 - fresnel_dielectric(dot(w, m), index).reflectance) * surface.masking(wi) : 0;

@@ -31,12 +31,16 @@ struct RoughConductor {
                   "give back the light that bounces between microfacets"));
     }
 
-    struct Facet {
-        Spectrum eta, k, tint;
+    BsdfTraits traits() const { return {.anisotropic = !(alpha_u == alpha_v)}; }
 
-        Spectrum reflectance(float cos_d) const { return tint * fresnel_conductor(cos_d, eta, k); }
+    template <class Float>
+    struct Facet {
+        Rgb<Float> eta, k, tint;
+
+        Rgb<Float> reflectance(Float cos_d) const { return tint * fresnel_conductor(cos_d, eta, k); }
     };
-    using Lobe = MetalLobe<Facet>;
+    template <class Float>
+    using Lobe = MetalLobe<Float, Facet<Float>>;
 
     void build() {
         if (!multiscatter) return;
@@ -44,9 +48,10 @@ struct RoughConductor {
                                    !alpha_u.is_constant() || !alpha_v.is_constant());
     }
 
-    Lobe prepare(const auto &read) const {
-        Lobe lobe{{distribution, read(alpha_u), read(alpha_v)},
-                  {read(eta), read(k), read(specular_reflectance)}};
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
+        Lobe<Float> lobe{{distribution, read(alpha_u), read(alpha_v)},
+                         {read(eta), read(k), read(specular_reflectance)}};
         if (lost_) {
             lobe.lost = lost_.get();
             lobe.regained =

@@ -39,17 +39,19 @@ struct RoughDielectric {
                   "give back the light that bounces between microfacets, of one alpha"));
     }
 
+    BsdfTraits traits() const { return {.transmissive = true, .anisotropic = !(alpha_u == alpha_v)}; }
+
     // What single scattering loses on either side of the boundary.
     struct Losses {
         LostLight above, below;
 
-        Losses(const Microfacet &surface, bool varies, float eta)
+        Losses(const Microfacet<float> &surface, bool varies, float eta)
             : above(surface, varies, Loss{eta}), below(surface, varies, Loss{1 / eta}) {}
 
     private:
         struct Loss {
             float beyond;
-            float operator()(const Microfacet &surface, Vec3f w, int n) const {
+            float operator()(const Microfacet<float> &surface, Vec3f w, int n) const {
                 return surface.mean_over_visible(w, n, [&](Vec3f m) {
                     return 1 - detail::reflected_fraction(surface, w, m, beyond) -
                            detail::transmitted_fraction(surface, w, m, beyond);
@@ -58,144 +60,157 @@ struct RoughDielectric {
         };
     };
 
+    template <class Float>
     struct Lobe {
-        static constexpr bool transmissive = true, delta = false;
-        Microfacet surface;
+        Microfacet<Float> surface;
         float eta; // inside relative to outside
-        Spectrum reflectance, transmittance;
+        Rgb<Float> reflectance, transmittance;
         const Losses *lost = nullptr; // where multiple scattering counts
 
-        float roughness() const { return surface.roughness(); }
+        Float roughness() const { return surface.roughness(); }
 
-        BsdfEval eval(Vec3f wo, Vec3f wi) const {
-            const BsdfEval single =
-                wo.z > 0 ? eval_above(wo, wi, eta) : eval_above(mirror(wo), mirror(wi), 1 / eta);
+        BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+            const BsdfEval<Float> single = eval_single(wo, wi);
             return lost ? with_lost_light(single, wo, wi) : single;
         }
-        std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f u) const {
-            if (lost) return sample_with_lost_light(wo, u_lobe, u);
-            return sample_single(wo, u_lobe, u);
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float u_lobe, const Vec2<Float> &u) const {
+            return lost ? sample_with_lost_light(wo, u_lobe, u) : sample_single(wo, u_lobe, u);
         }
 
     private:
+        using Bool = BoolOf<Float>;
+
         struct Split {
-            Spectrum reflected, transmitted;
-            float p_reflect, p_transmit; // of choosing either; zero where it is black
-            float cos_t;
+            Rgb<Float> reflected, transmitted;
+            Float p_reflect, p_transmit; // of choosing either; zero where it is black
+            Float cos_t;
         };
 
-        static Vec3f mirror(Vec3f w) { return {w.x, w.y, -w.z}; }
-
-        Split split(float cos_o, float beyond) const {
+        Split split(Float cos_o, Float beyond) const {
             const auto [f, cos_t] = fresnel_dielectric(cos_o, beyond);
-            const Spectrum r = reflectance * f, t = transmittance * (1 - f);
-            const float p_r = mean(r), p_t = mean(t), total = std::max(p_r + p_t, 1e-30f);
+            const Rgb<Float> r = reflectance * f, t = transmittance * (1 - f);
+            const Float p_r = mean(r), p_t = mean(t), total = max(p_r + p_t, Float(1e-30f));
             return {r, t, p_r / total, p_t / total, cos_t};
+        }
+
+        static Vec3<Float> up(const Vec3<Float> &w) { return {w.x, w.y, abs(w.z)}; }
+        // On the side where side.z > 0 if w is above, else on the other.
+        static Vec3<Float> towards(const Vec3<Float> &side, const Vec3<Float> &w) {
+            return {w.x, w.y, select(side.z > 0.0f, w.z, -w.z)};
+        }
+        // The index of refraction on the far side relative to that on the side of w.
+        Float index_beyond(const Vec3<Float> &w) const {
+            return select(w.z > 0.0f, Float(eta), Float(1 / eta));
+        }
+
+        // One bounce. Both directions are turned so that wo is above the surface.
+        BsdfEval<Float> eval_single(const Vec3<Float> &given_wo, const Vec3<Float> &given_wi) const {
+            const Vec3<Float> wo = up(given_wo), wi = towards(given_wo, given_wi);
+            const Float beyond = index_beyond(given_wo);
+            const auto reflected = wi.z > 0.0f;
+            // Walter et al., eq. 13 and 16
+            const Vec3<Float> h = wo + wi * select(reflected, Float(1), beyond);
+            const Float h2 = length_squared(h);
+            const Vec3<Float> m = h * copysign(1 / sqrt(h2), h.z);
+            const Float cos_o = dot(wo, m), cos_i = dot(wi, m);
+            // Neither along the surface nor on a facet's back.
+            const auto valid = wo.z > 0.0f && wi.z != 0.0f && cos_o > 0.0f && cos_i * wi.z > 0.0f;
+
+            const Split s = split(cos_o, beyond);
+            const Float density = single_density(wo, m, reflected, cos_o, cos_i, h2, beyond);
+            const BsdfEval<Float> e{
+                select(reflected, s.reflected, s.transmitted) * (density * surface.masking(up(wi))),
+                density * select(reflected, s.p_reflect, s.p_transmit), select(reflected, Float(1), beyond)};
+            return select(valid, e, {});
+        }
+
+        // Of wi where the facet reflects or transmits everything; h2 is the square of the length that the
+        // half vector of transmission has before it is normalized.
+        Float single_density(const Vec3<Float> &wo, const Vec3<Float> &m, Bool reflected, Float cos_o,
+                             Float cos_i, Float h2, Float beyond) const {
+            const Float bending = cos_o * sqr(beyond) * abs(cos_i) / h2; // Walter et al., eq. 17
+            return surface.visible(wo, m) * select(reflected, Float(0.25f), bending);
+        }
+
+        BsdfSample<Float> sample_single(const Vec3<Float> &given_wo, Float u_lobe,
+                                        const Vec2<Float> &u) const {
+            const Vec3<Float> wo = up(given_wo);
+            const Float beyond = index_beyond(given_wo);
+            const Vec3<Float> m = surface.sample_visible(wo, u);
+            const Float cos_o = dot(wo, m);
+            const Split s = split(cos_o, beyond);
+            const auto reflected = u_lobe < s.p_reflect;
+            const Vec3<Float> wi = select(reflected, reflect(wo, m), refract(wo, m, cos_o, s.cos_t, beyond));
+
+            const Float h2 = length_squared(wo + wi * beyond);
+            const Float p = select(reflected, s.p_reflect, s.p_transmit); // zero if it is black either way
+            const Float pdf = p * single_density(wo, m, reflected, cos_o, s.cos_t, h2, beyond);
+            return {.valid = wo.z > 0.0f && wi.z != 0.0f && reflected == (wi.z > 0.0f) && pdf > 1e-30f,
+                    .wi = towards(given_wo, wi),
+                    .weight = select(reflected, s.reflected, s.transmitted) * (surface.masking(up(wi)) / p),
+                    .pdf = pdf,
+                    .eta = select(reflected, Float(1), beyond),
+                    .width = roughness()};
         }
 
         // Light that came from one side and was lost there, on its way to both sides: fractions over the mean
         // loss of the side where it arrives, which make the lobe of LostLight.
         struct Regained {
-            Spectrum reflected, transmitted;
+            Rgb<Float> reflected, transmitted;
         };
 
         // As much is transmitted as diffuse light would be at a smooth boundary, less where the sides lose
         // differently: reciprocity asks for equal n^2 mean(L) t.
-        Regained regained(bool above) const {
-            const float a = lost->above.mean(surface), b = lost->below.mean(surface);
-            const float here = std::max(above ? a : b, 1e-6f), there = std::max(above ? b : a, 1e-6f);
-            const float beyond = above ? eta : 1 / eta, denser = std::max(beyond, 1 / beyond);
-            const float entering = 1 - fresnel_diffuse_reflectance(denser);
-            const float t = (beyond > 1 ? entering : entering / sqr(denser)) * std::min(here, there) / here;
+        Regained regained(const Vec3<Float> &wo) const {
+            const auto above = wo.z > 0.0f;
+            const Float a = lost->above.mean(surface), b = lost->below.mean(surface);
+            const Float here = max(select(above, a, b), Float(1e-6f)),
+                        there = max(select(above, b, a), Float(1e-6f));
+            const Float beyond = index_beyond(wo), denser = max(beyond, 1 / beyond);
+            const Float entering = 1 - fresnel_diffuse_reflectance(denser);
+            const Float t = select(beyond > 1.0f, entering, entering / sqr(denser)) * min(here, there) / here;
             return {reflectance * ((1 - t) / here), transmittance * (t / there)};
         }
-        const LostLight &losses(bool above) const { return above ? lost->above : lost->below; }
-        static Vec3f up(Vec3f w) { return {w.x, w.y, std::abs(w.z)}; }
+        // The fraction that is lost along w, on whichever side.
+        Float loss(const Vec3<Float> &w) const {
+            return select(w.z > 0.0f, lost->above(surface, up(w)), lost->below(surface, up(w)));
+        }
 
         // Of the lost light: the probability that it is reflected.
-        static float reflecting(const Regained &r) {
-            const float reflected = mean(r.reflected), total = reflected + mean(r.transmitted);
-            return total > 0 ? reflected / total : 0;
+        static Float reflecting(const Regained &r) {
+            const Float reflected = mean(r.reflected), total = reflected + mean(r.transmitted);
+            return select(total > 0.0f, reflected / total, Float(0));
         }
 
-        [[gnu::noinline]] BsdfEval with_lost_light(const BsdfEval &single, const Vec3f &wo,
-                                                   const Vec3f &wi) const {
-            if (wo.z == 0 || wi.z == 0) return {};
-            const bool above = wo.z > 0, reflected = above == (wi.z > 0);
-            const Regained r = regained(above);
-            const float p = losses(above)(surface, up(wo)), q = losses(wi.z > 0)(surface, up(wi)),
-                        cosine = cosine_hemisphere_pdf(std::abs(wi.z)),
-                        chosen = reflected ? reflecting(r) : 1 - reflecting(r);
-            return {single.f_cos + (reflected ? r.reflected : r.transmitted) * (p * q * cosine),
-                    lerp(p, single.pdf, cosine * chosen),
-                    reflected ? 1
-                    : above   ? eta
-                              : 1 / eta};
+        [[gnu::noinline]] BsdfEval<Float>
+        with_lost_light(const BsdfEval<Float> &single, const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+            const auto above = wo.z > 0.0f, reflected = above == (wi.z > 0.0f);
+            const Regained r = regained(wo);
+            const Float p = loss(wo), q = loss(wi), cosine = cosine_hemisphere_pdf(abs(wi.z)),
+                        chosen = select(reflected, reflecting(r), 1 - reflecting(r));
+            const BsdfEval<Float> e{
+                single.f_cos + select(reflected, r.reflected, r.transmitted) * (p * q * cosine),
+                lerp(p, single.pdf, cosine * chosen), select(reflected, Float(1), index_beyond(wo))};
+            return select(wo.z != 0.0f && wi.z != 0.0f, e, {});
         }
 
-        [[gnu::noinline]] std::optional<BsdfSample> sample_with_lost_light(const Vec3f &wo, float u_lobe,
-                                                                           const Vec2f &u) const {
-            if (wo.z == 0) return std::nullopt;
-            const bool above = wo.z > 0;
-            const float p = losses(above)(surface, up(wo));
-            BsdfSample result;
-            if (u_lobe >= p) {
-                const auto single = sample_single(wo, std::min((u_lobe - p) / (1 - p), one_minus_ulp), u);
-                if (!single) return std::nullopt;
-                result = *single;
-            } else {
-                const bool reflected = u_lobe / p < reflecting(regained(above));
-                result = {sample_cosine_hemisphere(u), Spectrum(0), 0};
-                if (reflected != above) result.wi = mirror(result.wi);
-            }
-            const BsdfEval e = eval(wo, result.wi);
-            if (!(e.pdf > 1e-30f)) return std::nullopt;
-            result.weight = e.f_cos / e.pdf;
-            result.pdf = e.pdf;
-            result.eta = e.eta;
-            return result;
-        }
-
-        std::optional<BsdfSample> sample_single(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
-            if (wo.z > 0) return sample_above(wo, u_lobe, u, eta);
-            auto s = sample_above(mirror(wo), u_lobe, u, 1 / eta);
-            if (s) s->wi = mirror(s->wi);
-            return s;
-        }
-
-        // With wo above the surface; `beyond` is the index of refraction below relative to that above.
-        BsdfEval eval_above(Vec3f wo, Vec3f wi, float beyond) const {
-            if (wo.z <= 0 || wi.z == 0) return {};
-            const bool reflected = wi.z > 0;
-            const Vec3f h = reflected ? wo + wi : wo + wi * beyond; // Walter et al., eq. 13 and 16
-            const float h2 = length_squared(h);
-            const Vec3f m = h * std::copysign(1 / std::sqrt(h2), h.z);
-            const float cos_o = dot(wo, m), cos_i = dot(wi, m);
-            if (cos_o <= 0 || cos_i * wi.z <= 0) // a facet's back
-                return {};
-            const Split s = split(cos_o, beyond);
-            if (reflected) {
-                const float density = surface.visible(wo, m) / 4;
-                return {s.reflected * (density * surface.masking(wi)), density * s.p_reflect};
-            }
-            const float density =
-                surface.visible(wo, m) * cos_o * sqr(beyond) * std::abs(cos_i) / h2; // eq. 17
-            return {s.transmitted * (density * surface.masking(mirror(wi))), density * s.p_transmit, beyond};
-        }
-
-        std::optional<BsdfSample> sample_above(Vec3f wo, float u_lobe, Vec2f u, float beyond) const {
-            if (wo.z <= 0) return std::nullopt;
-            const Vec3f m = surface.sample_visible(wo, u);
-            const float cos_o = dot(wo, m);
-            const Split s = split(cos_o, beyond);
-            if (s.p_reflect + s.p_transmit == 0) return std::nullopt; // black either way
-            const bool reflected = u_lobe < s.p_reflect;
-            const Vec3f wi = reflected ? reflect(wo, m) : refract(wo, m, cos_o, s.cos_t, beyond);
-            if (reflected != (wi.z > 0)) return std::nullopt;
-            const BsdfEval e = eval_above(wo, wi, beyond);
-            if (!(e.pdf > 1e-30f)) return std::nullopt;
-            return BsdfSample{wi,         e.f_cos / e.pdf, e.pdf, reflected ? 1 : beyond, ScatterKind::glossy,
-                              roughness()};
+        [[gnu::noinline]] BsdfSample<Float> sample_with_lost_light(const Vec3<Float> &wo, Float u_lobe,
+                                                                   const Vec2<Float> &u) const {
+            const Float p = loss(wo);
+            const auto above = wo.z > 0.0f, is_single = u_lobe >= p;
+            const BsdfSample<Float> single =
+                sample_single(wo, min((u_lobe - p) / (1 - p), Float(one_minus_ulp)), u);
+            const auto reflected = u_lobe / p < reflecting(regained(wo));
+            const Vec3<Float> diffuse = sample_cosine_hemisphere(u);
+            const Float z = select(reflected == above, diffuse.z, -diffuse.z);
+            const Vec3<Float> wi = select(is_single, single.wi, {diffuse.x, diffuse.y, z});
+            const BsdfEval<Float> e = eval(wo, wi);
+            return {.valid = (!is_single || single.valid) && e.pdf > 1e-30f,
+                    .wi = wi,
+                    .weight = e.f_cos / e.pdf,
+                    .pdf = e.pdf,
+                    .eta = e.eta,
+                    .width = select(is_single, single.width, Float(1))};
         }
     };
 
@@ -209,10 +224,12 @@ struct RoughDielectric {
         if (!(alpha_u == alpha_v)) // total reflection makes the loss a function that tables do not hold
             throw std::invalid_argument(
                 "multiscatter is for equal roughness along both tangents; alpha_u and alpha_v differ");
-        lost_ = std::make_shared<Losses>(Microfacet(distribution, alpha_u.constant, alpha_v.constant),
+        lost_ = std::make_shared<Losses>(Microfacet<float>(distribution, alpha_u.constant, alpha_v.constant),
                                          !alpha_u.is_constant(), int_ior / ext_ior);
     }
-    Lobe prepare(const auto &read) const {
+
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
         return {{distribution, read(alpha_u), read(alpha_v)},
                 int_ior / ext_ior,
                 read(specular_reflectance),

@@ -11,11 +11,12 @@ namespace lajolla {
 struct CosineTable {
     std::array<float, 64> values{};
 
-    static float node(std::size_t i) { return std::max(static_cast<float>(i) / 63, 1e-6f); }
-    float operator()(float cos_theta) const {
-        const float x = cos_theta * 63;
-        const auto i = std::min(static_cast<std::size_t>(x), std::size_t{62});
-        return lerp(x - static_cast<float>(i), values[i], values[i + 1]);
+    static float node(std::size_t i) { return max(static_cast<float>(i) / 63, 1e-6f); }
+    template <class Float>
+    Float operator()(Float cos_theta) const {
+        const Float x = min(max(Float(0), cos_theta), Float(1)) * 63; // NaN is taken for 0
+        const IntOf<Float> i = to_int(min(x, Float(62)));
+        return lerp(x - to_float(i), gather(values.data(), i), gather(values.data() + 1, i));
     }
 };
 
@@ -46,54 +47,53 @@ struct RoughPlastic {
                   "let the base have the light that bounces between microfacets"));
     }
 
+    BsdfTraits traits() const { return {.diffuse_colour = &diffuse_reflectance}; }
+
+    template <class Float>
     struct Lobe {
-        static constexpr bool transmissive = false, delta = false;
-        Microfacet surface;
+        Microfacet<Float> surface;
         float eta;
         const CosineTable *entering; // fraction of light that the coat lets through, either way
-        Spectrum base;        // albedo after bounces under the coat, over eta^2 for refraction on the way out
-        Spectrum reflectance; // tint of the coat
-        float diffuse_weight, specular_weight; // mean albedos: they steer the choice between base and coat
+        Rgb<Float> base; // albedo after bounces under the coat, over eta^2 for refraction on the way out
+        Rgb<Float> reflectance;                // tint of the coat
+        Float diffuse_weight, specular_weight; // mean albedos: they steer the choice between base and coat
 
         float roughness() const { return 1; }
 
-        BsdfEval eval(Vec3f wo, Vec3f wi) const {
-            if (wo.z <= 0 || wi.z <= 0) return {};
-            const float t = (*entering)(wo.z);
-            return eval_above(wo, wi, t, choice(t));
+        BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+            const Float t = (*entering)(wo.z);
+            return select(wo.z > 0.0f && wi.z > 0.0f, eval_above(wo, wi, t, choice(t)), {});
         }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f u) const {
-            if (wo.z <= 0) return std::nullopt;
-            const float t = (*entering)(wo.z);
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float u_lobe, const Vec2<Float> &u) const {
+            const Float t = (*entering)(wo.z);
             const Choice p = choice(t);
-            const bool specular = u_lobe < p.coat;
-            const Vec3f wi =
-                specular ? reflect(wo, surface.sample_visible(wo, u)) : sample_cosine_hemisphere(u);
-            if (wi.z <= 0) return std::nullopt;
-            const BsdfEval e = eval_above(wo, wi, t, p);
-            if (!(e.pdf > 1e-30f)) return std::nullopt;
-            return BsdfSample{wi,
-                              e.f_cos / e.pdf,
-                              e.pdf,
-                              1,
-                              specular ? ScatterKind::glossy : ScatterKind::diffuse,
-                              surface.roughness()};
+            const auto specular = u_lobe < p.coat;
+            Vec3<Float> wi = sample_cosine_hemisphere(u);
+            if (any(specular)) wi = select(specular, reflect(wo, surface.sample_visible(wo, u)), wi);
+            const BsdfEval<Float> e = eval_above(wo, wi, t, p);
+            return {.valid = wo.z > 0.0f && wi.z > 0.0f && e.pdf > 1e-30f,
+                    .wi = wi,
+                    .weight = e.f_cos / e.pdf,
+                    .pdf = e.pdf,
+                    .width = select(specular, surface.roughness(), Float(1))};
         }
 
     private:
         struct Choice { // probabilities
-            float coat, base;
+            Float coat, base;
         };
 
-        Choice choice(float t) const {
-            const float s = (1 - t) * specular_weight, d = t * diffuse_weight;
-            return s > 0 ? Choice{s / (s + d), d / (s + d)} : Choice{0, 1};
+        Choice choice(Float t) const {
+            const Float s = (1 - t) * specular_weight, d = t * diffuse_weight;
+            const auto coated = s > 0.0f;
+            return {select(coated, s / (s + d), Float(0)), select(coated, d / (s + d), Float(1))};
         }
-        BsdfEval eval_above(Vec3f wo, Vec3f wi, float t, Choice p) const {
-            const Vec3f m = normalize(wo + wi);
-            const float density = surface.visible(wo, m) / 4, cosine = cosine_hemisphere_pdf(wi.z);
-            const float f = fresnel_dielectric(dot(wo, m), eta).reflectance;
+        BsdfEval<Float> eval_above(const Vec3<Float> &wo, const Vec3<Float> &wi, Float t,
+                                   const Choice &p) const {
+            const Vec3<Float> m = normalize(wo + wi);
+            const Float density = surface.visible(wo, m) / 4, cosine = cosine_hemisphere_pdf(wi.z);
+            const Float f = fresnel_dielectric(dot(wo, m), eta).reflectance;
             return {reflectance * (f * density * surface.masking(wi)) +
                         base * (cosine * t * (*entering)(wi.z)),
                     density * p.coat + cosine * p.base};
@@ -102,11 +102,12 @@ struct RoughPlastic {
 
     void build();
 
-    Lobe prepare(const auto &read) const {
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
         const float relative = int_ior / ext_ior;
-        const Spectrum d = read(diffuse_reflectance), s = read(specular_reflectance);
+        const Rgb<Float> d = read(diffuse_reflectance), s = read(specular_reflectance);
         // The geometric series of reflections between base and coat; the linear variant keeps the hue.
-        const Spectrum escaping = Spectrum(1) - (nonlinear ? d * inside_ : Spectrum(inside_));
+        const Rgb<Float> escaping = Rgb<Float>(1) - (nonlinear ? d * inside_ : Rgb<Float>(inside_));
         return {{distribution, alpha, alpha},
                 relative,
                 &entering_,
@@ -123,7 +124,7 @@ private:
 
 inline void RoughPlastic::build() {
     check_indices(int_ior, ext_ior);
-    const Microfacet surface(distribution, alpha, alpha);
+    const Microfacet<float> surface(distribution, alpha, alpha);
     const float eta = int_ior / ext_ior;
     const auto fraction = [&](auto of, float cos_theta, float beyond) {
         const Vec3f w{safe_sqrt(1 - cos_theta * cos_theta), 0, cos_theta};

@@ -39,7 +39,7 @@ struct Sggx {
 
         // Section 4.3 and the appendix: a visible normal, by the projection of the ellipsoid on a disk.
         PhaseSample sample(Vec3f wo, Vec2f u) const {
-            const Frame frame = frame_around(wo);
+            const Frame<float> frame = frame_around(wo);
             const Vec3f s = S * frame.s, t = S * frame.t, n = S * frame.n;
             const float kk = dot(frame.s, s), jj = dot(frame.t, t), ii = dot(frame.n, n);
             const float kj = dot(frame.s, t), ki = dot(frame.s, n), ji = dot(frame.t, n);

@@ -24,38 +24,47 @@ struct ThinDielectric {
                 .range(0, 1));
     }
 
+    BsdfTraits traits() const { return {.transmissive = true, .delta = true, .null_transmission = true}; }
+
+    template <class Float>
     struct Lobe {
-        static constexpr bool transmissive = true, delta = true;
         float eta;
-        Spectrum reflectance, transmittance;
+        Rgb<Float> reflectance, transmittance;
 
         float roughness() const { return 0; }
-        BsdfEval eval(Vec3f, Vec3f) const { return {}; }
+        BsdfEval<Float> eval(const Vec3<Float> &, const Vec3<Float> &) const { return {}; }
 
         // Both faces together, with all reflections between them: f + (1-f)^2 f (1 + f^2 + f^4 + ...).
-        float sheet(Vec3f wo) const {
-            const float face = fresnel_dielectric(std::abs(wo.z), eta).reflectance;
+        Float sheet(const Vec3<Float> &wo) const {
+            const Float face = fresnel_dielectric(abs(wo.z), eta).reflectance;
             return 2 * face / (1 + face);
         }
-        Passage straight(Vec3f wo) const {
-            const float r = sheet(wo);
-            const Spectrum transmitted = transmittance * (1 - r);
-            const float t = mean(transmitted), total = mean(reflectance) * r + t;
-            return total > 0 ? Passage{transmitted, t / total} : Passage{};
+        NullTransmission<Float> null_transmission(const Vec3<Float> &wo) const {
+            const Float r = sheet(wo);
+            const Rgb<Float> transmitted = transmittance * (1 - r);
+            const Float t = mean(transmitted), total = mean(reflectance) * r + t;
+            return {transmitted, select(total > 0.0f, t / total, Float(0))};
         }
 
-        std::optional<BsdfSample> sample(Vec3f wo, float u_lobe, Vec2f) const {
-            const Passage through = straight(wo);
-            const float p_r = 1 - through.probability, p_t = through.probability;
-            if (u_lobe >= p_r) return BsdfSample{-wo, through.transmitted / p_t, p_t, 1, ScatterKind::null};
-            const Spectrum r = reflectance * sheet(wo);
-            if (is_black(r)) return std::nullopt;
-            return BsdfSample{{-wo.x, -wo.y, wo.z}, r / p_r, p_r, 1, ScatterKind::specular};
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float u_lobe, const Vec2<Float> &) const {
+            const auto [transmitted, p_t] = null_transmission(wo);
+            const Float p_r = 1 - p_t;
+            const auto reflected = u_lobe < p_r;
+            const Rgb<Float> r = reflectance * sheet(wo);
+            const Float p = select(reflected, p_r, p_t);
+            return {.valid = !reflected || !is_black(r),
+                    .wi = {-wo.x, -wo.y, select(reflected, wo.z, -wo.z)},
+                    .weight = select(reflected, r, transmitted) / p,
+                    .pdf = p,
+                    .delta = true,
+                    .width = 0};
         }
     };
 
     void build() const { check_indices(int_ior, ext_ior); }
-    Lobe prepare(const auto &read) const {
+
+    template <class Float>
+    Lobe<Float> prepare(const auto &read) const {
         return {int_ior / ext_ior, read(specular_reflectance), read(specular_transmittance)};
     }
 };

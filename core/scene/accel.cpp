@@ -1,6 +1,8 @@
 #include "scene/accel.h"
 
+#include <cstring>
 #include <stdexcept>
+#include <type_traits>
 
 #if __has_include(<embree4/rtcore.h>)
 #include <embree4/rtcore.h>
@@ -12,34 +14,63 @@ namespace lajolla {
 
 namespace {
 
-void intersect1(RTCScene scene, RTCRayHit &query) {
+// Embree 3 takes a context with each query, Embree 4 optional arguments behind it.
+template <class Function, class Query>
+void ask(Function *function, RTCScene scene, Query &query) {
 #if RTC_VERSION_MAJOR >= 4
-    rtcIntersect1(scene, &query, nullptr);
+    function(scene, &query, nullptr);
 #else
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
-    rtcIntersect1(scene, &context, &query);
+    function(scene, &context, &query);
+#endif
+}
+template <class Function, class Query>
+void ask(Function *function, const WideInt &valid, RTCScene scene, Query &query) {
+    alignas(64) std::int32_t lanes_asked[lanes];
+    store(lanes_asked, valid);
+#if RTC_VERSION_MAJOR >= 4
+    function(lanes_asked, scene, &query, nullptr);
+#else
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    function(lanes_asked, scene, &context, &query);
 #endif
 }
 
-void occluded1(RTCScene scene, RTCRay &query) {
-#if RTC_VERSION_MAJOR >= 4
-    rtcOccluded1(scene, &query, nullptr);
-#else
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    rtcOccluded1(scene, &context, &query);
-#endif
+// A packet of as many rays as there are lanes.
+using RayPacket = std::conditional_t<lanes == 16, RTCRay16, RTCRay8>;
+using HitPacket = std::conditional_t<lanes == 16, RTCRayHit16, RTCRayHit8>;
+void intersect_packet(const WideInt &valid, RTCScene scene, HitPacket &query) {
+    if constexpr (lanes == 16) ask(rtcIntersect16, valid, scene, query);
+    else ask(rtcIntersect8, valid, scene, query);
+}
+void occlude_packet(const WideInt &valid, RTCScene scene, RayPacket &query) {
+    if constexpr (lanes == 16) ask(rtcOccluded16, valid, scene, query);
+    else ask(rtcOccluded8, valid, scene, query);
 }
 
 // Embree asserts that rays are finite and below about 2e18, in groups too.
 constexpr float largest_coordinate = 1e18f;
 
-bool valid(const Ray &ray, float limit) {
-    return dot(abs(ray.origin), Vec3f(1)) < limit && dot(abs(ray.direction), Vec3f(1)) < limit;
+template <class Float>
+BoolOf<Float> valid(const Ray<Float> &ray, float limit) {
+    const auto sum = [](const Vec3<Float> &v) { return abs(v.x) + abs(v.y) + abs(v.z); };
+    return sum(ray.origin) < limit && sum(ray.direction) < limit;
 }
 
-RTCRay to_embree(const Ray &ray) {
+void fill(RayPacket &packet, const Ray<WideFloat> &rays) {
+    store(packet.org_x, rays.origin.x), store(packet.org_y, rays.origin.y), store(packet.org_z, rays.origin.z);
+    store(packet.dir_x, rays.direction.x), store(packet.dir_y, rays.direction.y);
+    store(packet.dir_z, rays.direction.z);
+    store(packet.tnear, rays.near), store(packet.tfar, rays.far);
+    store(packet.time, WideFloat(0));
+    std::memset(packet.mask, 0xff, sizeof packet.mask);
+    std::memset(packet.id, 0, sizeof packet.id);
+    std::memset(packet.flags, 0, sizeof packet.flags);
+}
+
+RTCRay to_embree(const Ray<float> &ray) {
     RTCRay r;
     r.org_x = ray.origin.x, r.org_y = ray.origin.y, r.org_z = ray.origin.z;
     r.dir_x = ray.direction.x, r.dir_y = ray.direction.y, r.dir_z = ray.direction.z;
@@ -50,19 +81,15 @@ RTCRay to_embree(const Ray &ray) {
     return r;
 }
 
-Ray from_embree(const RTCRay &r) {
-    return {{r.org_x, r.org_y, r.org_z}, {r.dir_x, r.dir_y, r.dir_z}, r.tnear, r.tfar};
-}
-
 // Shapes without triangles are Embree "user geometry": callbacks that ask the shape itself, or one of its
 // parts.
 template <class T>
 concept HasParts = requires(const T &shape) { shape.primitive_count(); };
 
 template <class T>
-std::optional<float> intersect_part(const void *shape, const RTCRay &ray, std::uint32_t primitive) {
-    if constexpr (HasParts<T>) return static_cast<const T *>(shape)->intersect(from_embree(ray), primitive);
-    else return static_cast<const T *>(shape)->intersect(from_embree(ray));
+float intersect_part(const void *shape, const Ray<float> &ray, std::uint32_t primitive) {
+    if constexpr (HasParts<T>) return static_cast<const T *>(shape)->intersect(ray, primitive);
+    else return static_cast<const T *>(shape)->intersect(ray);
 }
 
 template <class T>
@@ -74,24 +101,36 @@ void set_bounds(const RTCBoundsFunctionArguments *args) {
     *args->bounds_o = {box.low.x, box.low.y, box.low.z, 0, box.high.x, box.high.y, box.high.z, 0};
 }
 
+Ray<float> ray_of(RTCRayN *rays, unsigned n, unsigned i) {
+    return {{RTCRayN_org_x(rays, n, i), RTCRayN_org_y(rays, n, i), RTCRayN_org_z(rays, n, i)},
+            {RTCRayN_dir_x(rays, n, i), RTCRayN_dir_y(rays, n, i), RTCRayN_dir_z(rays, n, i)},
+            RTCRayN_tnear(rays, n, i),
+            RTCRayN_tfar(rays, n, i)};
+}
+
+// Embree asks for one ray or for those of a packet that are valid.
 template <class T>
 void intersect_user(const RTCIntersectFunctionNArguments *args) {
-    if (!args->valid[0]) return;
-    auto &query = *reinterpret_cast<RTCRayHit *>(args->rayhit);
-    const auto t = intersect_part<T>(args->geometryUserPtr, query.ray, args->primID);
-    if (!t) return;
-    query.ray.tfar = *t;
-    query.hit.geomID = args->geomID;
-    query.hit.primID = args->primID;
-    query.hit.instID[0] = args->context->instID[0];
-    query.hit.u = query.hit.v = 0;
+    RTCRayN *rays = RTCRayHitN_RayN(args->rayhit, args->N);
+    RTCHitN *hits = RTCRayHitN_HitN(args->rayhit, args->N);
+    for (unsigned i = 0; i < args->N; ++i) {
+        if (!args->valid[i]) continue;
+        const float t = intersect_part<T>(args->geometryUserPtr, ray_of(rays, args->N, i), args->primID);
+        if (t == infinity) continue;
+        RTCRayN_tfar(rays, args->N, i) = t;
+        RTCHitN_geomID(hits, args->N, i) = args->geomID;
+        RTCHitN_primID(hits, args->N, i) = args->primID;
+        RTCHitN_instID(hits, args->N, i, 0) = args->context->instID[0];
+        RTCHitN_u(hits, args->N, i) = RTCHitN_v(hits, args->N, i) = 0;
+    }
 }
 
 template <class T>
 void occluded_user(const RTCOccludedFunctionNArguments *args) {
-    if (!args->valid[0]) return;
-    auto &ray = *reinterpret_cast<RTCRay *>(args->ray);
-    if (intersect_part<T>(args->geometryUserPtr, ray, args->primID)) ray.tfar = -infinity;
+    for (unsigned i = 0; i < args->N; ++i)
+        if (args->valid[i] &&
+            intersect_part<T>(args->geometryUserPtr, ray_of(args->ray, args->N, i), args->primID) != infinity)
+            RTCRayN_tfar(args->ray, args->N, i) = -infinity;
 }
 
 template <class T>
@@ -121,9 +160,12 @@ RTCGeometry make_geometry(RTCDevice device, const TriangleMesh &shape) {
 // Curves are hit from outside only, whatever Embree was built for: light that enters a hair leaves it within
 // the same scattering event.
 void cull_inside(const RTCFilterFunctionNArguments *args) {
-    const auto &ray = *reinterpret_cast<const RTCRay *>(args->ray);
-    const auto &hit = *reinterpret_cast<const RTCHit *>(args->hit);
-    if (ray.dir_x * hit.Ng_x + ray.dir_y * hit.Ng_y + ray.dir_z * hit.Ng_z > 0) args->valid[0] = 0;
+    for (unsigned i = 0; i < args->N; ++i) {
+        const Vec3f direction = ray_of(args->ray, args->N, i).direction;
+        const Vec3f normal{RTCHitN_Ng_x(args->hit, args->N, i), RTCHitN_Ng_y(args->hit, args->N, i),
+                           RTCHitN_Ng_z(args->hit, args->N, i)};
+        if (args->valid[i] && dot(direction, normal) > 0) args->valid[i] = 0;
+    }
 }
 
 RTCGeometry make_geometry(RTCDevice device, const Curves &shape) {
@@ -154,6 +196,16 @@ RTCGeometry make_geometry(RTCDevice device, const Rectangle &shape) {
 }
 
 } // namespace
+
+// The spheres outside of groups, if they are few.
+std::vector<Accel::LooseSphere> Accel::few_spheres(std::span<const Shape> shapes, const std::vector<bool> &is_member) {
+    std::vector<LooseSphere> result;
+    for (std::size_t id = 0; id < shapes.size(); ++id)
+        if (const auto *sphere = std::get_if<Sphere>(&shapes[id]); sphere && !is_member[id])
+            result.push_back({sphere, static_cast<std::int32_t>(id)});
+    if (result.size() > most_loose_spheres) result.clear();
+    return result;
+}
 
 struct Accel::Embree {
     RTCDevice device;
@@ -203,8 +255,10 @@ Accel::Accel(std::span<const Shape> shapes, std::span<const Group> groups,
         rtcCommitScene(scene);
     }
     rtcSetSceneBuildQuality(embree->scene, RTC_BUILD_QUALITY_HIGH);
+    loose_spheres_ = few_spheres(shapes, is_member);
     for (std::uint32_t id = 0; id < shape_count_; ++id)
-        if (!is_member[id]) embree->attach(embree->scene, shapes[id], id);
+        if (!is_member[id] && !(std::holds_alternative<Sphere>(shapes[id]) && !loose_spheres_.empty()))
+            embree->attach(embree->scene, shapes[id], id);
     limit_ = largest_coordinate;
     for (const Instance &instance : instances) {
         for (std::size_t axis = 0; axis < 3; ++axis) // an instance's translation is small beside the limit
@@ -221,18 +275,27 @@ Accel::Accel(std::span<const Shape> shapes, std::span<const Group> groups,
     embree_ = std::move(embree);
 }
 
-std::optional<RayHit> Accel::closest(const Ray &ray) const {
+std::optional<RayHit> Accel::closest(const Ray<float> &ray) const {
     if (!valid(ray, limit_)) [[unlikely]]
         return std::nullopt;
     RTCRayHit query;
     query.ray = to_embree(ray);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    intersect1(static_cast<RTCScene>(scene_), query);
-    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
-    const RayHit found{query.ray.tfar, query.hit.u, query.hit.v, query.hit.geomID, query.hit.primID};
+    ask(rtcIntersect1, static_cast<RTCScene>(scene_), query);
+    RayHit found{query.ray.tfar, query.hit.u, query.hit.v, query.hit.geomID, query.hit.primID};
     if (query.hit.instID[0] != RTC_INVALID_GEOMETRY_ID) [[unlikely]]
-        return in_instance(found, query.hit.instID[0]);
+        found = in_instance(found, query.hit.instID[0]);
+    bool any_sphere = false;
+    Ray<float> rest = ray;
+    rest.far = found.distance;
+    for (const auto &[sphere, id] : loose_spheres_)
+        if (const float t = sphere->intersect(rest); t != infinity) {
+            found = {t, 0, 0, static_cast<std::uint32_t>(id), 0};
+            rest.far = t;
+            any_sphere = true;
+        }
+    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID && !any_sphere) return std::nullopt;
     return found;
 }
 
@@ -242,12 +305,60 @@ RayHit Accel::in_instance(RayHit found, std::uint32_t geometry) const {
     return found;
 }
 
-bool Accel::occluded(const Ray &ray) const {
+bool Accel::occluded(const Ray<float> &ray) const {
     if (!valid(ray, limit_)) [[unlikely]]
         return true;
+    for (const auto &[sphere, id] : loose_spheres_)
+        if (sphere->intersect(ray) != infinity) return true;
     RTCRay query = to_embree(ray);
-    occluded1(static_cast<RTCScene>(scene_), query);
+    ask(rtcOccluded1, static_cast<RTCScene>(scene_), query);
     return query.tfar < 0;
+}
+
+RayHits Accel::closest(const Ray<WideFloat> &rays, WideBool active) const {
+    const WideBool asked = active && valid(rays, limit_);
+    HitPacket query;
+    fill(query.ray, rays);
+    std::memset(query.hit.geomID, 0xff, sizeof query.hit.geomID);
+    std::memset(query.hit.instID[0], 0xff, sizeof query.hit.instID[0]);
+    intersect_packet(WideInt(asked.v), static_cast<RTCScene>(scene_), query);
+    const auto integers = [](const unsigned *p) { return load(reinterpret_cast<const std::int32_t *>(p)); };
+    RayHits hits{load(query.ray.tfar),        load(query.hit.u),           load(query.hit.v),
+                 integers(query.hit.geomID), integers(query.hit.primID), integers(query.hit.instID[0])};
+    const WideBool found = asked && hits.shape != -1;
+    hits.shape = select(found, hits.shape, WideInt(-1));
+    for_each_lane(found && hits.instance != -1, [&](int k) {
+        const RayHit one = in_instance(hits[k], static_cast<std::uint32_t>(hits.instance[k]));
+        hits.shape.v[k] = static_cast<std::int32_t>(one.shape);
+        hits.instance.v[k] = static_cast<std::int32_t>(one.instance);
+    });
+    Ray<WideFloat> rest = rays;
+    rest.far = hits.distance;
+    for (const auto &[sphere, id] : loose_spheres_) {
+        const WideFloat t = sphere->intersect(rest);
+        const WideBool nearer = asked && t != WideFloat(infinity);
+        if (!any(nearer)) continue;
+        rest.far = select(nearer, t, rest.far);
+        hits = {rest.far,
+                select(nearer, WideFloat(0), hits.b1),
+                select(nearer, WideFloat(0), hits.b2),
+                select(nearer, WideInt(id), hits.shape),
+                select(nearer, WideInt(0), hits.primitive),
+                select(nearer, WideInt(-1), hits.instance)};
+    }
+    return hits;
+}
+
+WideBool Accel::occluded(const Ray<WideFloat> &rays, WideBool active) const {
+    WideBool asked = active && valid(rays, limit_), result = !asked;
+    for (const auto &[sphere, id] : loose_spheres_)
+        result = result || sphere->intersect(rays) != WideFloat(infinity);
+    asked = asked && !result;
+    if (!any(asked)) return result;
+    RayPacket query;
+    fill(query, rays);
+    occlude_packet(WideInt(asked.v), static_cast<RTCScene>(scene_), query);
+    return result || load(query.tfar) < 0.0f;
 }
 
 } // namespace lajolla

@@ -3,7 +3,6 @@
 
 #include <array>
 #include <memory>
-#include <vector>
 
 #include "scene/image.h"
 
@@ -24,23 +23,41 @@ public:
     std::size_t bytes() const; // of all levels
 
     // As sharp as the image is.
-    Spectrum sharp(Vec2f position) const;
+    template <class Float>
+    Rgb<Float> sharp(Vec2<Float> position) const;
     // The derivatives of that by the position.
-    std::array<Spectrum, 2> gradient(Vec2f position) const;
+    template <class Float>
+    std::array<Rgb<Float>, 2> gradient(Vec2<Float> position) const;
     // Over a circle; `level` is log2 of its radius in texels.
-    Spectrum trilinear(Vec2f position, float level) const;
+    template <class Float>
+    Rgb<Float> trilinear(Vec2<Float> position, Float level) const;
     // The elliptical weighted average (Greene and Heckbert 1986; Heckbert 1989, "Fundamentals of Texture
-    // Mapping and Image Warping", section 3.5.8) over the ellipse that has these two conjugate radii.
-    Spectrum elliptical(Vec2f position, Vec2f radius0, Vec2f radius1, float max_anisotropy) const;
+    // Mapping and Image Warping", section 3.5.8) over the ellipse that has these two conjugate radii; but
+    // where a footprint is `round`, trilinear() of `level`.
+    template <class Float>
+    Rgb<Float> elliptical(Vec2<Float> position, Vec2<Float> radius0, Vec2<Float> radius1,
+                          float max_anisotropy, BoolOf<Float> round, Float level) const;
 
 private:
-    const Image &level(std::size_t i) const { return i == 0 ? *image_ : coarser_[i - 1]; }
-    Spectrum bilinear_at(std::size_t i, Vec2f position) const;
+    template <class Float>
+    Rgb<Float> bilinear_at(const Window<Float> &level, Vec2<Float> position) const {
+        return bilinear(*image_, level, in_texels(level, position), wrap_, wrap_);
+    }
+    template <class Float>
+    static Vec2<Float> in_texels(const Window<Float> &level, Vec2<Float> v) {
+        return {v.x * level.width, v.y * level.height};
+    }
+    float coarsest() const { return static_cast<float>(image_->levels().size() - 1); }
 
     std::shared_ptr<const Image> image_;
-    std::vector<Image> coarser_;
     FilterType filter_ = FilterType::bilinear;
     WrapMode wrap_ = WrapMode::repeat;
 };
+
+// Of x > 0.
+template <class Float>
+Float log2(Float x) {
+    return log(x) * 1.44269504088896341f;
+}
 
 } // namespace lajolla

@@ -17,13 +17,14 @@ namespace lajolla {
 enum class FovAxis { x, y, diagonal, smaller, larger };
 constexpr auto choices(FovAxis) { return std::array{"x", "y", "diagonal", "smaller", "larger"}; }
 
+template <class Float>
 struct CameraRay {
-    Ray ray;
-    RayCone cone;
+    Ray<Float> ray;
+    RayCone<Float> cone;
     // Uniform numbers: what happens on the way to the first vertex, and by which channel the path samples
     // media.
-    float flight = 0, channel = 0;
-    Vec2f film{}, lens{}; // what it was generated from
+    Float flight = 0, channel = 0;
+    Vec2<Float> film{}, lens{}; // what it was generated from
 };
 
 // What a camera is made for: known once the scene is.
@@ -55,14 +56,17 @@ struct Perspective {
     }
     void build(const CameraFit &fit);
     // `film` in [0,1]^2 from the top left corner, `lens` for apertures.
-    CameraRay generate(Vec2f film, Vec2f lens) const;
+    template <class Float>
+    CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
 
     // The point at z = 1 that a film position stands for, in camera space.
-    Vec3f through(Vec2f film) const {
+    template <class Float>
+    Vec3<Float> through(const Vec2<Float> &film) const {
         return {(1 - 2 * (film.x + principal_point_offset_x)) * half_width,
                 (1 - 2 * (film.y + principal_point_offset_y)) * half_height, 1};
     }
-    CameraRay leave(Vec3f origin, Vec3f direction) const; // from camera to world space
+    template <class Float>
+    CameraRay<Float> leave(const Vec3<Float> &origin, const Vec3<Float> &direction) const; // from camera to world space
     float half_width = 0, half_height = 0, pixel = 0;     // at z = 1
 };
 
@@ -80,7 +84,8 @@ struct ThinLens : Perspective {
                 field("focus_distance", &ThinLens::focus_distance, "distance along +z that is sharp")
                     .range(1e-6, 1e12)));
     }
-    CameraRay generate(Vec2f film, Vec2f lens) const;
+    template <class Float>
+    CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
 };
 
 struct Orthographic {
@@ -98,7 +103,8 @@ struct Orthographic {
                 .range(0));
     }
     void build(const CameraFit &fit);
-    CameraRay generate(Vec2f film, Vec2f lens) const;
+    template <class Float>
+    CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
 
 private:
     float aspect_ = 1, pixel_ = 0;
@@ -118,7 +124,8 @@ struct Telecentric : Orthographic {
                 field("focus_distance", &Telecentric::focus_distance, "distance along +z that is sharp")
                     .range(1e-6, 1e12)));
     }
-    CameraRay generate(Vec2f film, Vec2f lens) const;
+    template <class Float>
+    CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
 };
 
 struct Spherical {
@@ -131,7 +138,8 @@ struct Spherical {
         return std::tuple(field("to_world", &Spherical::to_world, "placement in the scene"));
     }
     void build(const CameraFit &fit);
-    CameraRay generate(Vec2f film, Vec2f lens) const;
+    template <class Float>
+    CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
 
 private:
     float pixel_ = 0;
@@ -146,7 +154,8 @@ struct RadianceMeter {
         return std::tuple(field("to_world", &RadianceMeter::to_world, "placement in the scene"));
     }
     void build(const CameraFit &fit);
-    CameraRay generate(Vec2f film, Vec2f lens) const;
+    template <class Float>
+    CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
 };
 
 struct Distant {
@@ -165,14 +174,87 @@ struct Distant {
                   "look at the target alone, not at all of the scene's bounding sphere"));
     }
     void build(const CameraFit &fit);
-    CameraRay generate(Vec2f film, Vec2f lens) const;
+    template <class Float>
+    CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
 
 private:
     BoundingSphere scene_;
-    Frame axes_;
+    Frame<float> axes_;
 };
 
 using Camera =
     std::variant<Perspective, ThinLens, Orthographic, Telecentric, Spherical, RadianceMeter, Distant>;
+
+// A unit-length world ray whose clipping distances were given along camera space directions of length
+// `stretch`.
+template <class Float>
+Ray<Float> world_ray(const Transform &to_world, const Vec3<Float> &origin, const Vec3<Float> &direction, float near,
+                     float far) {
+    const Vec3<Float> d = to_world.vector(direction);
+    const Float stretch = length(d);
+    return {to_world.point(origin), d / stretch, near * stretch, far * stretch};
+}
+
+template <class Float>
+CameraRay<Float> Perspective::leave(const Vec3<Float> &origin, const Vec3<Float> &direction) const {
+    // `direction` has z = 1, so that the clipping distances are along z. Cones are in units of a unit-length
+    // ray.
+    return {world_ray(to_world, origin, direction, near_clip, far_clip), {Float(0), pixel / length(direction)}};
+}
+
+template <class Float>
+CameraRay<Float> Perspective::generate(const Vec2<Float> &film, const Vec2<Float> &) const {
+    return leave(Vec3<Float>(0), through(film));
+}
+
+template <class Float>
+CameraRay<Float> ThinLens::generate(const Vec2<Float> &film, const Vec2<Float> &lens) const {
+    const Vec2<Float> p = sample_disk(lens) * aperture_radius;
+    const Vec3<Float> origin{p.x, p.y, 0}, focus = through(film) * focus_distance;
+    return leave(origin, (focus - origin) / focus_distance);
+}
+
+template <class Float>
+CameraRay<Float> Orthographic::generate(const Vec2<Float> &film, const Vec2<Float> &) const {
+    const Vec3<Float> origin{1 - 2 * film.x, (1 - 2 * film.y) / aspect_, 0};
+    CameraRay<Float> camera{world_ray(to_world, origin, Vec3<Float>{0, 0, 1}, near_clip, far_clip), {pixel_, 0}};
+    // Orthographic cameras are zoomed by scaling them: that must not bring the far plane nearer.
+    camera.ray.far = camera.ray.near + (far_clip - near_clip);
+    return camera;
+}
+
+// The lens is round in world space, and the focus distance measured there, however the picture is scaled.
+template <class Float>
+CameraRay<Float> Telecentric::generate(const Vec2<Float> &film, const Vec2<Float> &lens) const {
+    CameraRay<Float> camera = Orthographic::generate(film, lens);
+    const Vec2<Float> p = sample_disk(lens) * aperture_radius;
+    const Vec3<Float> s = normalize(to_world.axis(0)), t = normalize(to_world.axis(1));
+    const Vec3<Float> offset = s * p.x + t * p.y;
+    camera.ray.direction = normalize(camera.ray.direction * focus_distance - offset);
+    camera.ray.origin += offset;
+    return camera;
+}
+
+template <class Float>
+CameraRay<Float> Spherical::generate(const Vec2<Float> &film, const Vec2<Float> &) const {
+    const auto [sin_phi, cos_phi] = sine_cosine(2 * pi * film.x);
+    const auto [sin_theta, cos_theta] = sine_cosine(pi * film.y);
+    const Vec3<Float> local{sin_phi * sin_theta, cos_theta, -cos_phi * sin_theta};
+    return {{Vec3<Float>(to_world.origin()), normalize(to_world.vector(local))}, {0, pixel_}};
+}
+
+template <class Float>
+CameraRay<Float> RadianceMeter::generate(const Vec2<Float> &, const Vec2<Float> &) const {
+    return {{Vec3<Float>(to_world.origin()), Vec3<Float>(normalize(to_world.axis(2)))}, {}};
+}
+
+template <class Float>
+CameraRay<Float> Distant::generate(const Vec2<Float> &, const Vec2<Float> &lens) const {
+    const Vec2<Float> p = sample_disk(lens) * scene_.radius;
+    const Vec3<Float> s = axes_.s, t = axes_.t, n = axes_.n, centre = scene_.center;
+    const Vec3<Float> through = has_target ? Vec3<Float>(target) : centre + s * p.x + t * p.y;
+    const Float distance = 2 * scene_.radius + length(through - centre);
+    return {{through - n * distance, n}, {}};
+}
 
 } // namespace lajolla

@@ -88,7 +88,7 @@ Curves::Spine Curves::spine(std::uint32_t segment, float v) const {
             blend(radius_of, b1[0], b1[1], b1[2], b1[3])};
 }
 
-void Curves::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
+void Curves::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const {
     // Embree tells where on the segment the tube's circle is that was hit.
     const float v =
         found.b1 > 0 ? std::min(found.b1, 1.0f) : 0; // a number even where a point is all there is

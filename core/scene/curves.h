@@ -11,7 +11,8 @@
 #include "base/fields.h"
 #include "base/transform.h"
 #include "scene/hit.h"
-#include "scene/surface.h"
+#include "scene/shape_sample.h"
+#include "scene/triangle.h"
 
 namespace lajolla {
 
@@ -44,7 +45,7 @@ struct Curves : NeverLight {
     }
     void build();
     Bounds bounds() const;
-    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
 
 private:
     // The middle of a tube, its radius, and their derivatives along a segment.

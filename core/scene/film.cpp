@@ -34,15 +34,4 @@ FilterSampler::FilterSampler(const PixelFilter &filter) {
     cells_ = Distribution(magnitudes);
 }
 
-FilterSampler::Axis FilterSampler::sample_axis(float u) const {
-    const auto cell = cells_.sample(u);
-    const float position = (static_cast<float>(cell.index) + cell.rest) / static_cast<float>(cells_.size());
-    return {(2 * position - 1) * radius_, weights_[cell.index]};
-}
-
-FilterSampler::Sample FilterSampler::sample(Vec2f u) const {
-    const Axis x = sample_axis(u.x), y = sample_axis(u.y);
-    return {{x.offset, y.offset}, x.weight * y.weight};
-}
-
 } // namespace lajolla

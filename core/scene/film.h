@@ -129,18 +129,29 @@ using PixelFilter =
 // filter is negative the weight is.
 class FilterSampler {
 public:
+    template <class Float>
     struct Sample {
-        Vec2f offset; // pixels
-        float weight; // 1 for filters without negative lobes
+        Vec2<Float> offset; // pixels
+        Float weight;       // 1 for filters without negative lobes
     };
     explicit FilterSampler(const PixelFilter &filter = BoxFilter{});
-    Sample sample(Vec2f u) const;
+    template <class Float>
+    Sample<Float> sample(const Vec2<Float> &u) const {
+        const auto x = sample_axis(u.x), y = sample_axis(u.y);
+        return {{x.offset, y.offset}, x.weight * y.weight};
+    }
 
 private:
+    template <class Float>
     struct Axis {
-        float offset, weight;
+        Float offset, weight;
     };
-    Axis sample_axis(float u) const;
+    template <class Float>
+    Axis<Float> sample_axis(Float u) const {
+        const auto cell = cells_.sample(u);
+        const Float position = (to_float(cell.index) + cell.rest) / static_cast<float>(cells_.size());
+        return {(2 * position - 1) * radius_, gather(weights_.data(), cell.index)};
+    }
 
     Distribution cells_;
     std::vector<float> weights_;

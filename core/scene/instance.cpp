@@ -24,11 +24,11 @@ Bounds Instance::placed(const Bounds &group_bounds) const {
     return box;
 }
 
-void Instance::place(Hit &hit) const {
+void Instance::place(Hit<float> &hit) const {
     const Vec3f scaled_normal = to_group.transposed_vector(hit.normal);
     const float stretch =
         length(scaled_normal); // of distances to the tangent plane, from the scene to the group
-    const Frame tangents = frame_around(hit.normal);
+    const Frame<float> tangents = frame_around(hit.normal);
     const Vec3f position = to_world.point(hit.position);
 
     // Errors made in the group, by the ray's way there and by the way back, along the normal.

@@ -29,12 +29,12 @@ struct Instance {
     static constexpr float largest_entry = 1e12f; // of the transforms: rays in groups must stay finite
     void build();
     // The same points at the same distances: the direction is not of unit length.
-    Ray in_group(const Ray &ray) const {
+    Ray<float> in_group(const Ray<float> &ray) const {
         return {to_group.point(ray.origin), to_group.vector(ray.direction), ray.near, ray.far};
     }
     Bounds placed(const Bounds &group_bounds) const;
     // A hit on the group becomes one in the scene.
-    void place(Hit &hit) const;
+    void place(Hit<float> &hit) const;
 };
 
 } // namespace lajolla

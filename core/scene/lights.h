@@ -2,147 +2,68 @@
 // The list of lights. Everything is measured in solid angle: a light is sampled towards a point, and answers
 // with which density it would have sampled a direction; no integrator asks what kind of light it is.
 
-#include <memory>
-#include <tuple>
+#include <span>
 #include <variant>
 #include <vector>
 
 #include "base/distribution.h"
-#include "base/fields.h"
 #include "base/match.h"
-#include "base/texture.h"
-#include "base/transform.h"
-#include "base/warp.h"
+#include "scene/area_light.h"
 #include "scene/direct_sample.h"
+#include "scene/environments.h"
 #include "scene/hit.h"
-#include "scene/image.h"
 #include "scene/point_lights.h"
-#include "scene/shapes.h"
-#include "scene/textures.h"
 
 namespace lajolla {
 
-struct AreaLight {
-    static constexpr const char *name = "area";
-    static constexpr const char *doc =
-        "A shape that shines from its front side, equally bright in all directions.";
-    Texture<Spectrum> radiance{Spectrum(1)};
-    const Shape *shape = nullptr; // set by the scene
-
-    static constexpr auto fields() {
-        return std::tuple(
-            field("radiance", &AreaLight::radiance, "emitted radiance").range(0).unit("W/(m^2 sr)"));
-    }
-    // Once the shape is known.
-    void prepare_sampling(std::span<const TextureModel> textures);
-    float power(std::span<const TextureModel> textures, const BoundingSphere &) const;
-    DirectSample sample_direct(const Vec3f &p, float u_primitive, Vec2f u,
-                               std::span<const TextureModel> textures) const;
-    float pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const; // of sampling this hit from p
-    Spectrum emitted(const Hit &hit, const Vec3f &wo, std::span<const TextureModel> textures) const {
-        if (dot(hit.normal, wo) <= 0) return Spectrum(0);
-        return TextureReader(textures, {hit.uv, &hit, shape})(radiance); // as sampling reads it
-    }
-
-private:
-    Spectrum radiance_at(const SurfaceSample &point, std::span<const TextureModel> textures) const;
-    float mean_luminance(std::span<const TextureModel> textures) const;
-
-    Distribution2D table_; // of textured rectangles, over texture space
-};
-
-struct ConstantLight {
-    static constexpr const char *name = "constant";
-    static constexpr const char *doc = "Light of the same radiance from all around the scene.";
-    Spectrum radiance{1};
-
-    static constexpr auto fields() {
-        return std::tuple(field("radiance", &ConstantLight::radiance, "radiance from every direction")
-                              .range(0)
-                              .unit("W/(m^2 sr)"));
-    }
-    float power(std::span<const TextureModel>, const BoundingSphere &scene) const {
-        return 4 * pi * pi * sqr(scene.radius) * luminance(radiance);
-    }
-    DirectSample sample_direct(const Vec3f &, float, Vec2f u, std::span<const TextureModel>) const {
-        return DirectSample{sample_sphere(u), infinity, {}, radiance, sphere_pdf};
-    }
-    Spectrum emitted(const Vec3f &) const { return radiance; }
-    float pdf_direction(const Vec3f &) const { return sphere_pdf; }
-};
-
-struct EnvironmentMap {
-    static constexpr const char *name = "envmap";
-    static constexpr const char *doc =
-        "Light from all around, from an image in latitude and longitude; +y is up.";
-    std::shared_ptr<const Image> image;
-    float scale = 1;
-    Transform to_world;
-
-    static constexpr auto fields() {
-        return std::tuple(field("image", &EnvironmentMap::image, "radiance, twice as wide as high"),
-                          field("scale", &EnvironmentMap::scale, "factor on the image").range(0),
-                          field("to_world", &EnvironmentMap::to_world, "orientation in the scene"));
-    }
-    void build();
-    float power(std::span<const TextureModel>, const BoundingSphere &scene) const;
-    DirectSample sample_direct(const Vec3f &p, float, Vec2f u, std::span<const TextureModel>) const;
-    Spectrum emitted(const Vec3f &direction) const; // seen along a direction
-    float pdf_direction(const Vec3f &wi) const;
-
-private:
-    Vec2f to_square(const Vec3f &direction) const;
-    Spectrum look_up(Vec2f square) const;
-
-    Transform to_local_;
-    Distribution2D distribution_; // over cells between texel centres, by luminance and solid angle
-    float mean_radiance_ = 0;
-};
-
-struct DistantDisk {
-    static constexpr const char *name = "distantdisk";
-    static constexpr const char *doc =
-        "A round light infinitely far away, equally bright all over, such as the sun.";
-    Vec3f direction{0, 0, 1};
-    Spectrum irradiance{1};
-    float angle = 0.5358f;
-
-    static constexpr auto fields() {
-        return std::tuple(
-            field("direction", &DistantDisk::direction, "in which the light of its centre travels"),
-            field("irradiance", &DistantDisk::irradiance, "on a surface facing the light")
-                .range(0)
-                .unit("W/m^2"),
-            field("angle", &DistantDisk::angle, "that its diameter covers").range(1e-2, 180).unit("degrees"));
-    }
-    void build();
-    float power(std::span<const TextureModel>, const BoundingSphere &scene) const {
-        return pi * sqr(scene.radius) * 2 * pi * height_ * luminance(radiance_);
-    }
-    DirectSample sample_direct(const Vec3f &, float, Vec2f u, std::span<const TextureModel>) const;
-    Spectrum emitted(const Vec3f &direction) const { return covers(direction) ? radiance_ : Spectrum(0); }
-    float pdf_direction(const Vec3f &wi) const { return covers(wi) ? cone_pdf(height_) : 0; }
-
-private:
-    // By the squared distance of unit vectors, 2 (1 - cos), which does not cancel.
-    bool covers(const Vec3f &wi) const { return length_squared(wi - axes_.n) <= 2 * height_; }
-
-    Frame axes_;       // n towards the light
-    float height_ = 0; // 1 - cos of half the angle
-    Spectrum radiance_{0};
-};
-
 using Light = std::variant<AreaLight, ConstantLight, EnvironmentMap, DistantDisk, PointLight,
                            DirectionalLight, SpotLight, Projector>;
-
-// Lights around the scene, which rays find by missing everything.
-template <class T>
-concept IsEnvironment = requires(const T &light, Vec3f w) { light.pdf_direction(w); };
 
 // Lights that have no area and no extent in solid angle.
 template <class T>
 concept IsDeltaLight = std::is_same_v<T, PointLight> || std::is_same_v<T, DirectionalLight> ||
                        std::is_same_v<T, SpotLight> || std::is_same_v<T, Projector>;
+
+// How a light is sampled for several lanes, which may have picked different ones.
+enum class LightKind : std::int32_t {
+    triangles, // of the same radiance all over, as the next two
+    parallelogram,
+    sphere,
+    around,   // the scene
+    textured, // these go through the light itself, lane by lane: shapes whose radiance is read from a texture
+    other,    // shapes that are neither, and lights that no ray can hit
+};
+
+// What lanes read of a light, in one line of the cache.
+template <class Float>
+struct alignas(64) LightRecord {
+    Rgb<Float> radiance;                // of shapes without a texture
+    IntOf<Float> kind;                  // a LightKind
+    Vec3<Float> center;                 // of a sphere
+    Float radius = 0;                   // the same
+    Float position_error = 0, side = 1; // the same; side is -1 where it shines inwards
+    Float probability = 0;              // of picking the light
+    Float area_pdf = 0;                 // of a point of its shape, per area, times `probability`
+    Float primitive_count = 1;          // of triangles or a parallelogram
+    IntOf<Float> first_primitive = 0;   // in the list of all lights' primitives
+    IntOf<Float> first_sum = 0;         // of the primitives' areas
+    IntOf<Float> unused = 0;
+
+    BoolOf<Float> is(LightKind k) const { return kind == static_cast<std::int32_t>(k); }
+};
+
+// A triangle or parallelogram that shines, also in one line.
+template <class Float>
+struct alignas(64) LightPrimitive {
+    Vec3<Float> corner;
+    Float position_error;
+    Vec3<Float> edge1;
+    Float unused1 = 0;
+    Vec3<Float> edge2;
+    Float unused2 = 0;
+    Vec3<Float> normal; // on the side that shines
+    Float unused3 = 0;
+};
 
 // All lights of a scene, picked by power and evenly.
 class LightPicker {
@@ -158,21 +79,35 @@ public:
     // Whether some light can be found by sampling it alone.
     bool has_delta_lights() const { return has_delta_lights_; }
     // `u_pick` also chooses within a light; densities include the pick.
-    DirectSample sample_direct(const Vec3f &p, float u_pick, Vec2f u) const;
-    // Density of sampling a hit on a light, or a direction that leaves the scene, from p.
-    float pdf_hit(const Vec3f &p, const Hit &hit, const Vec3f &wi) const;
-    float pdf_environment(const Vec3f &wi) const;
+    template <class Float>
+    DirectSample<Float> sample_direct(const Vec3<Float> &p, Float u_pick, const Vec2<Float> &u) const;
+    // Density of sampling a hit on a light, or a direction that leaves the scene, from p; 0 for hits on what
+    // is no light.
+    template <class Float>
+    Float pdf_hit(const Vec3<Float> &p, const Hit<Float> &hit, const Vec3<Float> &wi) const;
+    template <class Float>
+    Float pdf_environment(const Vec3<Float> &wi) const;
     // Radiance that a ray carries from a light it hits, or from around the scene. Lights around the scene
     // add up.
-    Spectrum emitted(const Hit &hit, const Vec3f &wo) const;
-    Spectrum environment(const Vec3f &direction) const;
+    template <class Float>
+    Rgb<Float> emitted(const Hit<Float> &hit, const Vec3<Float> &wo) const;
+    template <class Float>
+    Rgb<Float> environment(const Vec3<Float> &direction) const;
 
 private:
+    void add_record(const AreaLight &light, LightRecord<float> &record);
+    template <class Float>
+    DirectSample<Float> sample_primitive(const LightRecord<Float> &light, const Vec3<Float> &p,
+                                         Float u_primitive, const Vec2<Float> &u) const;
+
     std::span<const Light> lights_;
     std::span<const TextureModel> textures_;
     std::vector<std::uint32_t> environments_;
     bool has_delta_lights_ = false;
     Distribution picks_;
+    std::vector<LightRecord<float>> records_; // one for each light
+    std::vector<LightPrimitive<float>> primitives_;
+    CumulativeSums areas_; // of each mesh's triangles; at first, for lights of one primitive, a single 1
 };
 
 } // namespace lajolla

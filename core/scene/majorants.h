@@ -21,7 +21,7 @@ public:
     // returns true. Pieces adjoin; where the medium does not reach there is no piece. Says whether f was
     // always true.
     template <class F>
-    bool traverse(const Ray &ray, F &&f) const;
+    bool traverse(const Ray<float> &ray, F &&f) const;
 
     float maximum() const;
     std::size_t bytes() const { return bounds_.size() * sizeof(float); }
@@ -43,7 +43,7 @@ private:
 // Amanatides and Woo 1987, "A Fast Voxel Traversal Algorithm for Ray Tracing"; crossings are computed afresh
 // from the cell's index, so that errors do not add up.
 template <class F>
-bool MajorantGrid::traverse(const Ray &ray, F &&f) const {
+bool MajorantGrid::traverse(const Ray<float> &ray, F &&f) const {
     if (everywhere_) return !(ray.near < ray.far) || f(ray.near, ray.far, bounds_[0]);
     const Vec3f origin = world_to_cells_.point(ray.origin), direction = world_to_cells_.vector(ray.direction);
     const Vec3f inverse = Vec3f(1) / direction; // not used where that is infinite

@@ -20,23 +20,23 @@ void for_each_child(const Adapter &adapter, F &&f) {
     });
 }
 
-Vec3f turned(const BumpMap &bump, const TextureReader &read, const Hit &hit, const MappedNormal &normal) {
+Vec3f turned(const BumpMap &bump, const TextureReader<float> &read, const Hit<float> &hit, const MappedNormal<float> &normal) {
     const Vec2f slope = read.gradient(bump.map);
     return bumped(normal.n, hit.dp_du, hit.dp_dv, bump.scale * slope.x, bump.scale * slope.y);
 }
 
-Vec3f turned(const NormalMap &map, const TextureReader &read, const Hit &, MappedNormal &normal) {
+Vec3f turned(const NormalMap &map, const TextureReader<float> &read, const Hit<float> &, MappedNormal<float> &normal) {
     const Spectrum value = read(map.normalmap);
-    const Frame frame = frame_along(normal.n, normal.tangent);
+    const Frame<float> frame = frame_along(normal.n, normal.tangent);
     normal.tangent = frame.s;
     const Vec3f t = normal.mirrored ? -frame.t : frame.t;
     const Vec3f n = frame.s * (map.scale * (2 * value.x - 1)) + t * (map.scale * (2 * value.y - 1)) +
                     frame.n * (2 * value.z - 1);
     const float squared = length_squared(n);
-    return squared > 0 && std::isfinite(squared) ? n * (1 / std::sqrt(squared)) : normal.n;
+    return squared > 0 && isfinite(squared) ? n * (1 / sqrt(squared)) : normal.n;
 }
 
-void turn(const auto &map, const TextureReader &read, const Hit &hit, const Vec3f &wo, MappedNormal &normal) {
+void turn(const auto &map, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo, MappedNormal<float> &normal) {
     const Vec3f before = normal.n;
     normal.n = turned(map, read, hit, normal);
     if (map.flip_invalid_normals) normal.n = facing(normal.n, before, wo);
@@ -45,8 +45,8 @@ void turn(const auto &map, const TextureReader &read, const Hit &hit, const Vec3
 }
 
 // Two materials, the second of which has the share `weight`.
-Passage blend(float weight, const Passage &first, const Passage &second) {
-    return {first.transmitted * (1 - weight) + second.transmitted * weight,
+NullTransmission<float> blend(float weight, const NullTransmission<float> &first, const NullTransmission<float> &second) {
+    return {first.transmittance * (1 - weight) + second.transmittance * weight,
             lerp(weight, first.probability, second.probability)};
 }
 
@@ -55,11 +55,11 @@ Passage blend(float weight, const Passage &first, const Passage &second) {
 Materials::Materials(std::vector<Material> materials, std::vector<Adapter> adapters,
                      std::span<const Bsdf> bsdfs)
     : materials_(std::move(materials)), adapters_(std::move(adapters)), bsdfs_(bsdfs) {
-    for (const Bsdf &bsdf : bsdfs) bsdf_passes_.push_back(lajolla::lets_pass(bsdf));
+    for (const Bsdf &bsdf : bsdfs) bsdf_transmits_.push_back(traits(bsdf).null_transmission);
     std::vector<bool> clear; // adapters of BSDFs that light passes through, and no others
     const auto is_clear = [&](MaterialId id) {
         if (id.adapter >= 0) return bool(clear[static_cast<std::size_t>(id.adapter)]);
-        return id.bsdf >= 0 && is_transmissive(bsdfs[static_cast<std::size_t>(id.bsdf)]);
+        return id.bsdf >= 0 && traits(bsdfs[static_cast<std::size_t>(id.bsdf)]).transmissive;
     };
     std::vector<int> depths;
     for (const Adapter &adapter : adapters_) {
@@ -69,12 +69,12 @@ Materials::Materials(std::vector<Material> materials, std::vector<Adapter> adapt
         int depth = 0, count = 0;
         for_each_child(adapter, [&](MaterialId child) {
             const auto index = static_cast<std::size_t>(std::max(child.adapter, 0));
-            passes |= lets_pass(child);
+            passes |= has_null_transmission(child);
             all_clear &= is_clear(child);
             depth = std::max(depth, child.adapter >= 0 ? depths[index] : 0);
             count += child.adapter >= 0 ? adapter_leaves_[index] : 1;
         });
-        adapter_passes_.push_back(passes);
+        adapter_transmits_.push_back(passes);
         clear.push_back(all_clear);
         depths.push_back(depth + 1);
         adapter_leaves_.push_back(count);
@@ -84,49 +84,50 @@ Materials::Materials(std::vector<Material> materials, std::vector<Adapter> adapt
     }
     for (Material &material : materials_) {
         if (is_clear(material.front)) material.back = {};
-        has_passages_ |= lets_pass(material.front) || lets_pass(material.back);
+        has_null_transmission_ |= has_null_transmission(material.front) || has_null_transmission(material.back);
     }
 }
 
-Passage Materials::passage(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
-                           MappedNormal normal) const {
-    if (!lets_pass(id)) return {};
+NullTransmission<float> Materials::null_transmission(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
+                           MappedNormal<float> normal) const {
+    if (!has_null_transmission(id)) return {};
     if (id.adapter < 0) {
         const auto [behind, geometric, n] = seen_from(wo, hit.normal, normal);
         const float z = dot(n == geometric ? n : with_mirror_image_above(n, geometric, wo), wo);
-        return match(bsdfs_[static_cast<std::size_t>(id.bsdf)], [&](const auto &model) -> Passage {
-            if constexpr (requires { model.prepare(read).straight(wo); })
-                return model.prepare(read).straight({safe_sqrt(1 - z * z), 0, z});
+        return match(bsdfs_[static_cast<std::size_t>(id.bsdf)], [&](const auto &model) -> NullTransmission<float> {
+            const auto lobe = prepare_lobe<float>(model, read);
+            if constexpr (requires { lobe.null_transmission(wo); })
+                return lobe.null_transmission(Vec3f{safe_sqrt(1 - z * z), 0, z});
             else return {};
         });
     }
-    return match(adapter(id), [&](const auto &a) -> Passage {
+    return match(adapter(id), [&](const auto &a) -> NullTransmission<float> {
         using Model = std::decay_t<decltype(a)>;
         if constexpr (std::is_same_v<Model, Blend>)
-            return blend(std::clamp(read(a.weight), 0.0f, 1.0f), passage(a.first, read, hit, wo, normal),
-                         passage(a.second, read, hit, wo, normal));
+            return blend(clamp(read(a.weight), 0.0f, 1.0f), null_transmission(a.first, read, hit, wo, normal),
+                         null_transmission(a.second, read, hit, wo, normal));
         else if constexpr (std::is_same_v<Model, Mask>)
-            return blend(std::clamp(read(a.opacity), 0.0f, 1.0f), {Spectrum(1), 1},
-                         passage(a.child, read, hit, wo, normal));
+            return blend(clamp(read(a.opacity), 0.0f, 1.0f), {Spectrum(1), 1},
+                         null_transmission(a.child, read, hit, wo, normal));
         else {
             turn(a, read, hit, wo, normal);
-            return passage(a.child, read, hit, wo, normal);
+            return null_transmission(a.child, read, hit, wo, normal);
         }
     });
 }
 
-float Materials::share_of_second(const Blend &blend, const TextureReader &read, const Hit &hit,
-                                 const Vec3f &wo, const MappedNormal &normal) const {
-    const float weight = std::clamp(read(blend.weight), 0.0f, 1.0f);
+float Materials::share_of_second(const Blend &blend, const TextureReader<float> &read, const Hit<float> &hit,
+                                 const Vec3f &wo, const MappedNormal<float> &normal) const {
+    const float weight = clamp(read(blend.weight), 0.0f, 1.0f);
     const auto stopped = [&](MaterialId child) {
-        return 1 - passage(child, read, hit, wo, normal).probability;
+        return 1 - null_transmission(child, read, hit, wo, normal).probability;
     };
     const float first = (1 - weight) * stopped(blend.first), second = weight * stopped(blend.second);
     return first + second > 0 ? second / (first + second) : 0;
 }
 
-std::int32_t Materials::choose(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
-                               float u, MappedNormal &normal) const {
+std::int32_t Materials::choose(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
+                               float u, MappedNormal<float> &normal) const {
     while (id.adapter >= 0)
         match(adapter(id), [&](const auto &a) {
             using Model = std::decay_t<decltype(a)>;
@@ -140,15 +141,15 @@ std::int32_t Materials::choose(MaterialId id, const TextureReader &read, const H
     return id.bsdf;
 }
 
-SmallBlend Materials::leaves(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
-                             const MappedNormal &normal) const {
+SmallBlend Materials::leaves(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
+                             const MappedNormal<float> &normal) const {
     SmallBlend result;
     add_leaves(id, read, hit, wo, normal, 1, result);
     return result;
 }
 
-void Materials::add_leaves(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
-                           MappedNormal normal, float share, SmallBlend &leaves) const {
+void Materials::add_leaves(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
+                           MappedNormal<float> normal, float share, SmallBlend &leaves) const {
     if (share == 0) return;
     if (id.adapter < 0) {
         leaves.leaf[static_cast<std::size_t>(leaves.count++)] = {id.bsdf, normal, share};

@@ -101,7 +101,7 @@ struct SmallBlend {
     static constexpr int most = 4;
     struct Leaf {
         std::int32_t bsdf = -1;
-        MappedNormal normal{};
+        MappedNormal<float> normal{};
         float share = 0;
     };
     std::array<Leaf, most> leaf;
@@ -119,16 +119,16 @@ public:
     const Material &operator[](std::int32_t id) const { return materials_[static_cast<std::size_t>(id)]; }
 
     // Whether anything passes straight through any material.
-    bool has_passages() const { return has_passages_; }
+    bool has_null_transmission() const { return has_null_transmission_; }
 
     // The light that passes straight through, seen from `wo`. `normal` is that before maps turn it.
-    Passage passage(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
-                    MappedNormal normal) const;
+    NullTransmission<float> null_transmission(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
+                    MappedNormal<float> normal) const;
 
     // The BSDF that scatters what does not pass straight through, chosen with the probability of its share of
     // it by a uniform number; -1 for black. Maps on the way to it turn the normal.
-    std::int32_t choose(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo, float u,
-                        MappedNormal &normal) const;
+    std::int32_t choose(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo, float u,
+                        MappedNormal<float> &normal) const;
 
     // Whether a tree mixes BSDFs, and so few of them that looking at each is worth its time.
     bool is_small_blend(MaterialId id) const {
@@ -138,8 +138,8 @@ public:
     }
 
     // What choose() may choose at a small blend, each with its probability.
-    SmallBlend leaves(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
-                      const MappedNormal &normal) const;
+    SmallBlend leaves(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
+                      const MappedNormal<float> &normal) const;
 
     // The BSDF that is reached first.
     std::int32_t first_bsdf(MaterialId id) const;
@@ -147,23 +147,23 @@ public:
 private:
     const Adapter &adapter(MaterialId id) const { return adapters_[static_cast<std::size_t>(id.adapter)]; }
     // Of what a blend stops of the light, the part that its second material stops.
-    float share_of_second(const Blend &blend, const TextureReader &read, const Hit &hit, const Vec3f &wo,
-                          const MappedNormal &normal) const;
-    void add_leaves(MaterialId id, const TextureReader &read, const Hit &hit, const Vec3f &wo,
-                    MappedNormal normal, float share, SmallBlend &leaves) const;
+    float share_of_second(const Blend &blend, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
+                          const MappedNormal<float> &normal) const;
+    void add_leaves(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
+                    MappedNormal<float> normal, float share, SmallBlend &leaves) const;
 
     // Whether light may pass straight through.
-    bool lets_pass(MaterialId id) const {
-        return id.adapter >= 0 ? adapter_passes_[static_cast<std::size_t>(id.adapter)]
-                               : id.bsdf >= 0 && bsdf_passes_[static_cast<std::size_t>(id.bsdf)];
+    bool has_null_transmission(MaterialId id) const {
+        return id.adapter >= 0 ? adapter_transmits_[static_cast<std::size_t>(id.adapter)]
+                               : id.bsdf >= 0 && bsdf_transmits_[static_cast<std::size_t>(id.bsdf)];
     }
 
     std::vector<Material> materials_;
     std::vector<Adapter> adapters_;
     std::span<const Bsdf> bsdfs_;
-    std::vector<bool> bsdf_passes_, adapter_passes_;
+    std::vector<bool> bsdf_transmits_, adapter_transmits_;
     std::vector<int> adapter_leaves_;
-    bool has_passages_ = false;
+    bool has_null_transmission_ = false;
 };
 
 } // namespace lajolla

@@ -19,16 +19,17 @@ Transform inverse_of(const Transform &to_world, const char *light) {
 
 Spectrum read_at(const Texture<Spectrum> &texture, Vec2f uv, std::span<const TextureModel> textures) {
     if (texture.is_constant()) return texture.constant;
-    return TextureReader(textures, TexturePoint{.uv = uv})(texture);
+    return TextureReader<float>(textures, {uv, nullptr, nullptr, {}, false})(texture);
 }
 
 } // namespace
 
-DirectSample PointLight::sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel>) const {
+DirectSample<float> PointLight::sample_direct(const Vec3f &p, float, Vec2f,
+                                              std::span<const TextureModel>) const {
     const Vec3f to_light = position - p;
     const float squared = length_squared(to_light), distance = std::sqrt(squared);
     if (!(squared > 0)) return {};
-    return DirectSample{to_light / distance, distance, position, intensity / squared, 1, true};
+    return DirectSample<float>{to_light / distance, distance, position, intensity / squared, 1, true};
 }
 
 void DirectionalLight::build() {
@@ -74,15 +75,15 @@ float SpotLight::power(std::span<const TextureModel> textures, const BoundingSph
     return 2 * pi * last * static_cast<float>(sum / (steps * turns));
 }
 
-DirectSample SpotLight::sample_direct(const Vec3f &p, float, Vec2f,
-                                      std::span<const TextureModel> textures) const {
+DirectSample<float> SpotLight::sample_direct(const Vec3f &p, float, Vec2f,
+                                             std::span<const TextureModel> textures) const {
     const Vec3f to_light = to_world.origin() - p;
     const float squared = length_squared(to_light), distance = std::sqrt(squared);
     if (!(squared > 0)) return {};
     const Vec3f wi = to_light / distance;
     const Spectrum arriving = shine(-wi, textures) / squared;
     if (is_black(arriving)) return {};
-    return DirectSample{wi, distance, to_world.origin(), arriving, 1, true};
+    return DirectSample<float>{wi, distance, to_world.origin(), arriving, 1, true};
 }
 
 void Projector::build() {
@@ -105,8 +106,8 @@ float Projector::power(std::span<const TextureModel> textures, const BoundingSph
 }
 
 // The factor pi is Mitsuba 3's, where the picture is what a diffuse white screen would show.
-DirectSample Projector::sample_direct(const Vec3f &p, float, Vec2f,
-                                      std::span<const TextureModel> textures) const {
+DirectSample<float> Projector::sample_direct(const Vec3f &p, float, Vec2f,
+                                             std::span<const TextureModel> textures) const {
     const Vec3f local = to_local_.point(p);
     const Vec3f to_light = to_world.origin() - p;
     const float distance = length(to_light);
@@ -119,7 +120,7 @@ DirectSample Projector::sample_direct(const Vec3f &p, float, Vec2f,
     const float cosine = -dot(wi, axis_);
     if (!(cosine > 0)) return {};
     const Spectrum arriving = read_at(irradiance, uv, textures) * (pi * scale / (sqr(local.z) * cosine));
-    return DirectSample{wi, distance, to_world.origin(), arriving, 1, true};
+    return DirectSample<float>{wi, distance, to_world.origin(), arriving, 1, true};
 }
 
 } // namespace lajolla

@@ -26,7 +26,7 @@ struct PointLight {
     float power(std::span<const TextureModel>, const BoundingSphere &) const {
         return 4 * pi * luminance(intensity);
     }
-    DirectSample sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel>) const;
+    DirectSample<float> sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel>) const;
 };
 
 struct DirectionalLight {
@@ -45,8 +45,8 @@ struct DirectionalLight {
     float power(std::span<const TextureModel>, const BoundingSphere &scene) const {
         return pi * sqr(scene.radius) * luminance(irradiance);
     }
-    DirectSample sample_direct(const Vec3f &, float, Vec2f, std::span<const TextureModel>) const {
-        return DirectSample{-direction, infinity, {}, irradiance, 1, true};
+    DirectSample<float> sample_direct(const Vec3f &, float, Vec2f, std::span<const TextureModel>) const {
+        return DirectSample<float>{-direction, infinity, {}, irradiance, 1, true};
     }
 };
 
@@ -76,14 +76,15 @@ struct SpotLight {
     }
     void build();
     float power(std::span<const TextureModel> textures, const BoundingSphere &) const;
-    DirectSample sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel> textures) const;
+    DirectSample<float> sample_direct(const Vec3f &p, float, Vec2f,
+                                      std::span<const TextureModel> textures) const;
 
 private:
     // Radiant intensity in a direction in which light leaves.
     Spectrum shine(const Vec3f &direction, std::span<const TextureModel> textures) const;
     float falloff(float cos_angle) const;
 
-    Frame axes_;
+    Frame<float> axes_;
     Transform to_local_;
     float square_ = 0; // half the side of the texture's square at z = 1
 };
@@ -108,7 +109,8 @@ struct Projector {
     }
     void build();
     float power(std::span<const TextureModel> textures, const BoundingSphere &) const;
-    DirectSample sample_direct(const Vec3f &p, float, Vec2f, std::span<const TextureModel> textures) const;
+    DirectSample<float> sample_direct(const Vec3f &p, float, Vec2f,
+                                      std::span<const TextureModel> textures) const;
 
 private:
     Transform to_local_;

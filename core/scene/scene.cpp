@@ -1,5 +1,7 @@
 #include "scene/scene.h"
 
+#include <bit>
+
 namespace lajolla {
 
 namespace {
@@ -27,6 +29,24 @@ BoundingSphere sphere_around(const SceneParts &parts) {
     return {(box.low + box.high) * 0.5f, std::max(length(box.high - box.low) / 2, 1e-6f)};
 }
 
+HitNeeds needs_of(const SceneParts &parts, std::span<const BsdfTraits> traits, bool reads_footprints) {
+    HitNeeds needs{!parts.textures.empty(), reads_footprints, reads_footprints};
+    for (const BsdfTraits &each : traits) needs.tangents |= each.anisotropic;
+    for (const Adapter &adapter : parts.adapters)
+        needs.tangents |= std::holds_alternative<BumpMap>(adapter) || std::holds_alternative<NormalMap>(adapter);
+    for (const TextureModel &texture : parts.textures)
+        needs.curvature |= std::holds_alternative<CurvatureTexture>(texture);
+    return needs;
+}
+
+MeshArrays arrays_of(const Shape &shape) {
+    const auto *mesh = std::get_if<TriangleMesh>(&shape);
+    if (!mesh) return {};
+    const Mesh &m = *mesh->mesh;
+    return {m.triangles.data(), m.positions.data(), mesh->has_normals() ? m.normals.data() : nullptr,
+            m.uvs.empty() ? nullptr : m.uvs.data(), mesh->flip_normals};
+}
+
 } // namespace
 
 Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter) {
@@ -49,14 +69,14 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
             area->prepare_sampling(parts_.textures);
         }
 
-    for (const Bsdf &bsdf : parts_.bsdfs)
-        bsdf_traits_.push_back({is_transmissive(bsdf), is_isotropic(bsdf), is_delta(bsdf),
-                                std::holds_alternative<Diffuse>(bsdf), lets_pass(bsdf)});
+    for (const Bsdf &bsdf : parts_.bsdfs) bsdf_traits_.push_back(traits(bsdf));
     for (const TextureModel &texture : parts_.textures)
         if (const auto *bitmap = std::get_if<Bitmap>(&texture))
             reads_footprints_ |= bitmap->reads_footprints();
     materials_ = Materials(parts_.materials, parts_.adapters, parts_.bsdfs);
     for (const Adapter &adapter : parts_.adapters) has_blends_ |= std::holds_alternative<Blend>(adapter);
+    needs_ = needs_of(parts_, bsdf_traits_, reads_footprints_);
+    for (const Shape &shape : parts_.shapes) meshes_.push_back(arrays_of(shape));
 
     bounding_sphere_ = sphere_around(parts_);
     const CameraFit fit{parts_.film.aspect(), static_cast<float>(parts_.film.width), bounding_sphere_};
@@ -68,39 +88,117 @@ Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter
     accel_.emplace(parts_.shapes, parts_.groups, parts_.instances);
 }
 
-Hit Scene::hit(const Ray &ray, const RayHit &found, const RayCone &cone) const {
-    Hit hit;
+Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const RayCone<float> &cone,
+                      const HitNeeds &needs) const {
+    Hit<float> hit;
     hit.distance = found.distance;
     hit.footprint = cone.at(found.distance);
-    hit.shape = found.shape;
-    hit.primitive = found.primitive;
+    hit.shape = static_cast<std::int32_t>(found.shape);
+    hit.primitive = static_cast<std::int32_t>(found.primitive);
     const ShapeSlot &slot = parts_.slots[found.shape];
     hit.material = slot.material;
     hit.emitter = slot.emitter;
     hit.interior = slot.interior;
     hit.exterior = slot.exterior;
     if (found.instance != RayHit::no_instance) [[unlikely]]
-        fill_in_instance(ray, found, hit);
-    else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, hit); });
+        fill_in_instance(ray, found, needs, hit);
+    else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, needs, hit); });
     return hit;
 }
 
-void Scene::fill_in_instance(const Ray &ray, const RayHit &found, Hit &hit) const {
+void Scene::fill_in_instance(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs, Hit<float> &hit) const {
     const Instance &instance = parts_.instances[found.instance];
-    const Ray inside = instance.in_group(ray);
-    match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(inside, found, hit); });
+    const Ray<float> inside = instance.in_group(ray);
+    match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(inside, found, needs, hit); });
     instance.place(hit);
 }
 
-Scene::Side Scene::side(const Hit &hit, const Vec3f &wo) const {
-    const MappedNormal front{hit.shading_normal, hit.dp_du, false};
+// Triangles that are not in instances are filled in by all lanes at once, the rest one after the other.
+Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, WideBool active,
+                          const RayCone<WideFloat> &cones, const HitNeeds &needs) const {
+    const int first = std::countr_zero(bits(active));
+    const RayHits hits{found.distance,
+                       found.b1,
+                       found.b2,
+                       select(active, found.shape, WideInt(found.shape[first])),
+                       select(active, found.primitive, WideInt(found.primitive[first])),
+                       select(active, found.instance, WideInt(found.instance[first]))};
+    Hit<WideFloat> result;
+    result.distance = hits.distance;
+    result.footprint = cones.at(hits.distance);
+    result.shape = hits.shape;
+    result.primitive = hits.primitive;
+    const auto slots = load_rows(
+        [&](int k) { return reinterpret_cast<const float *>(&parts_.slots[static_cast<std::size_t>(hits.shape[k])]); });
+    result.material = as_int(slots.x), result.emitter = as_int(slots.y);
+    result.interior = as_int(slots.z), result.exterior = as_int(slots.w);
+
+    static constexpr float nothing[4]{};
+    const float *positions[3][lanes], *normals[3][lanes], *uvs[3][lanes];
+    unsigned others = 0, with_normals = 0, with_uvs = 0, flipped = 0; // one bit a lane
+    for (int k = 0; k < lanes; ++k) {
+        const MeshArrays &mesh = meshes_[static_cast<std::size_t>(hits.shape[k])];
+        const unsigned bit = 1u << k;
+        if (!mesh.triangles || hits.instance[k] != -1) {
+            others |= bit;
+            for (int corner = 0; corner < 3; ++corner)
+                positions[corner][k] = normals[corner][k] = uvs[corner][k] = nothing;
+            continue;
+        }
+        const Triangle &t = mesh.triangles[hits.primitive[k]];
+        with_normals |= mesh.normals ? bit : 0, with_uvs |= mesh.uvs ? bit : 0;
+        flipped |= mesh.flip_normals ? bit : 0;
+        for (std::size_t corner = 0; corner < 3; ++corner) {
+            positions[corner][k] = &mesh.positions[t[corner]].x;
+            normals[corner][k] = mesh.normals ? &mesh.normals[t[corner]].x : nothing;
+            uvs[corner][k] = mesh.uvs ? &mesh.uvs[t[corner]].x : nothing;
+        }
+    }
+    const auto vector = [](const float *const (&rows)[lanes]) {
+        const auto q = load_rows([&](int k) { return rows[k]; });
+        return Vec3<WideFloat>{q.x, q.y, q.z};
+    };
+    const auto pair = [&](const float *const (&rows)[lanes]) {
+        const Vec3<WideFloat> v = vector(rows);
+        return Vec2<WideFloat>{v.x, v.y};
+    };
+    const TriangleCorners<WideFloat> corners{vector(positions[0]), vector(positions[1]), vector(positions[2])};
+    TriangleNormals<WideFloat> triangle_normals;
+    if (with_normals)
+        triangle_normals = {mask_of(with_normals), vector(normals[0]), vector(normals[1]), vector(normals[2])};
+    TriangleUvs<WideFloat> triangle_uvs;
+    if (with_uvs && (needs.uvs || needs.tangents))
+        triangle_uvs = {mask_of(with_uvs), pair(uvs[0]), pair(uvs[1]), pair(uvs[2])};
+    fill_triangle(corners, triangle_normals, triangle_uvs, mask_of(flipped), hits.b1, hits.b2, needs, result);
+
+    if (others)
+        for_each_lane(mask_of(others) && active, [&](int k) {
+            const RayCone<float> cone{cones.radius[k], cones.spread[k]};
+            set_lane(result, k, hit(lane_of(rays, k), hits[k], cone, needs));
+        });
+    return result;
+}
+
+std::optional<Scene::PlainMaterial> Scene::plain_material(std::int32_t id) const {
+    if (id < 0) return PlainMaterial{};
+    const Material &material = materials_[id];
+    const MaterialId &front = material.front, &back = material.back;
+    const auto is_plain = [&](const MaterialId &side) {
+        return side.adapter < 0 && (side.bsdf < 0 || !traits_of(side.bsdf).null_transmission);
+    };
+    if (!is_plain(front) || !is_plain(back)) return std::nullopt;
+    return PlainMaterial{front.bsdf, back.bsdf};
+}
+
+Scene::Side Scene::side(const Hit<float> &hit, const Vec3f &wo) const {
+    const MappedNormal<float> front{hit.shading_normal, hit.dp_du, false};
     if (hit.material < 0) return {{}, false, front};
     const Material &material = materials_[hit.material];
     if (dot(hit.normal, wo) >= 0 || material.back == MaterialId{}) return {material.front, false, front};
     return {material.back, true, {-hit.shading_normal, hit.dp_du, true}};
 }
 
-Scene::Choice Scene::choose(const Hit &hit, const Vec3f &wo, float u) const {
+Scene::Choice Scene::choose(const Hit<float> &hit, const Vec3f &wo, float u) const {
     const Side seen = side(hit, wo);
     Choice choice{seen.root.bsdf, seen.turned, seen.normal};
     if (seen.root.adapter >= 0)
@@ -108,62 +206,43 @@ Scene::Choice Scene::choose(const Hit &hit, const Vec3f &wo, float u) const {
     return choice;
 }
 
-Surface Scene::surface(const Hit &hit, const Vec3f &wo, float u) const {
+AnySurface Scene::surface(const Hit<float> &hit, const Vec3f &wo, float u) const {
     return surface(choose(hit, wo, u), hit, wo);
 }
 
-Surface Scene::surface(const Choice &choice, const Hit &hit, const Vec3f &wo) const {
+AnySurface Scene::surface(const Choice &choice, const Hit<float> &hit, const Vec3f &wo) const {
     const auto &[id, turned, normal] = choice;
     if (id < 0) return {};
-    const SeenNormals seen = seen_from(wo, hit.normal, normal);
-    const bool behind = seen.behind;
-    const BsdfTraits traits = bsdf_traits_[static_cast<std::size_t>(id)];
-    if (behind && !turned && !traits.transmissive) return {};
-
-    // Towards the viewer, until it is known whether the lobe tells the sides apart.
-    Vec3f n = seen.shading;
-    const bool bent = !(n == seen.geometric);
-    if (bent)
-        n = traits.lambertian ? seen_from_above(n, seen.geometric, wo)
-                              : with_mirror_image_above(n, seen.geometric, wo);
-    if (behind && traits.transmissive) n = -n;
-    const Frame frame = traits.isotropic ? frame_around(n) : frame_along(n, normal.tangent);
-    Bend bend{bent};
-    if (bent) {
-        bend.normal = frame.to_local(hit.normal);
-        if (normal.shadowed) {
-            bend.smooth = frame.to_local(hit.shading_normal);
-            bend.bump = tangent_squared(bend.smooth.z);
-        }
-    }
-    // Scenes write alpha = 0.0001 for a mirror. Such a lobe is narrower than any light that has an area, so
-    // that samples of lights would only cost time; lights without area need them still.
-    const float sharpest = picker_.has_delta_lights() ? 0 : 5e-4f;
-    const Bsdf &bsdf = parts_.bsdfs[static_cast<std::size_t>(id)];
-    const TextureReader read = traits.lets_pass ? sharp_reader(hit) : filtered_reader(hit, wo);
-    return {bsdf, read, traits.delta, traits.lets_pass, sharpest, frame, wo, bend};
+    const BsdfTraits &traits = traits_of(id);
+    const auto [black, frame, bent] = shading_frame(traits, hit, wo, normal, turned);
+    if (black) return {};
+    const Vec3f local = frame.to_local(wo);
+    AnySurface result{false, traits.delta, 1, frame, local,
+                      prepare(parts_.bsdfs[static_cast<std::size_t>(id)], filtered_reader(hit, wo)), bent};
+    result.sharp = result.sharp || roughness(result.lobe) < sharpest();
+    if (traits.null_transmission) result.stopped = 1 - lajolla::null_transmission(result.lobe, local).probability;
+    return result;
 }
 
-Spectrum Scene::albedo(const Hit &hit, const Vec3f &wo, float u) const {
+Spectrum Scene::albedo(const Hit<float> &hit, const Vec3f &wo, float u) const {
     const std::int32_t id = choose(hit, wo, u).bsdf;
     if (id < 0) return Spectrum(0);
-    const auto colour = diffuse_colour(parts_.bsdfs[static_cast<std::size_t>(id)], filtered_reader(hit, wo));
-    if (colour) return *colour;
-    const Surface seen = surface(hit, wo, u);
+    if (const auto *colour = traits_of(id).diffuse_colour) return filtered_reader(hit, wo)(*colour);
+    const AnySurface seen = surface(hit, wo, u);
     return seen.black ? Spectrum(0) : eval(seen.lobe, seen.wo, {0, 0, 1}).f_cos * pi;
 }
 
-Vec3f Scene::mapped_normal(const Hit &hit, const Vec3f &wo, float u) const {
+Vec3f Scene::mapped_normal(const Hit<float> &hit, const Vec3f &wo, float u) const {
     const Choice choice = choose(hit, wo, u);
     return choice.turned ? -choice.normal.n : choice.normal.n;
 }
 
-Passage Scene::passage(const Hit &hit, const Vec3f &wo) const {
+NullTransmission<float> Scene::null_transmission(const Hit<float> &hit, const Vec3f &wo) const {
     const auto [root, turned, normal] = side(hit, wo);
-    return materials_.passage(root, sharp_reader(hit), hit, wo, normal);
+    return materials_.null_transmission(root, sharp_reader(hit), hit, wo, normal);
 }
 
-const Bitmap *Scene::first_bitmap(const Hit &hit) const {
+const Bitmap *Scene::first_bitmap(const Hit<float> &hit) const {
     const Bitmap *result = nullptr;
     if (hit.material < 0) return result;
     const std::int32_t front = materials_.first_bsdf(materials_[hit.material].front);

@@ -16,6 +16,7 @@
 #include "scene/material.h"
 #include "scene/medium.h"
 #include "scene/shapes.h"
+#include "scene/surface.h"
 #include "scene/textures.h"
 
 namespace lajolla {
@@ -42,67 +43,16 @@ struct SceneParts {
     PixelFilter filter;
 };
 
-// How a shading normal differs from the geometric one. Directions are in the shading frame.
-struct Bend {
-    bool bent = false; // else the rest is meaningless
-    float bump = 0;    // tangent^2 of the angle by which maps turned the normal, where that casts shadows
-    Vec3f normal{0};   // geometric
-    Vec3f smooth{0};   // before maps turned it
+// A surface whose lobe is of any model.
+using AnySurface = Surface<float, Lobe>;
 
-    // How much of the light that is scattered between wo and wi there is: none that is reflected into the
-    // solid, and less where bumps stand in its way.
-    float visible(Vec3f wo, Vec3f wi) const {
-        if (wi.z * wo.z > 0 && dot(normal, wi) * dot(normal, wo) <= 0) return 0;
-        return bump == 0 ? 1 : bump_shadowing(bump, tangent_squared(dot(smooth, wi)));
-    }
+// Where the vertices of a mesh lie.
+struct MeshArrays {
+    const Triangle *triangles = nullptr; // none: the shape is no mesh
+    const Vec3f *positions = nullptr, *normals = nullptr;
+    const Vec2f *uvs = nullptr;
+    bool flip_normals = false;
 };
-
-// A surface point made ready to scatter: the lobe and the frame it lives in. It is made in one go, as copying
-// it would cost more than what is in it.
-struct Surface {
-    bool black = true;  // nothing is scattered: the rest is meaningless
-    bool sharp = false; // sampling lights is of no use: only sampling the lobe finds where it scatters
-    float stopped = 1;  // the probability of not passing straight through
-    Frame frame;
-    Vec3f wo{0}; // local
-    Lobe lobe;
-    Bend bend;
-
-    Surface() = default;
-    // Lobes of less than this roughness are sharp, too.
-    Surface(const Bsdf &bsdf, const auto &read, bool delta, bool lets_pass, float sharpest,
-            const Frame &frame, const Vec3f &wo, const Bend &bend)
-        : black(false), frame(frame), wo(frame.to_local(wo)), lobe(prepare(bsdf, read)), bend(bend) {
-        sharp = delta || roughness(lobe) < sharpest;
-        if (lets_pass) stopped = 1 - passage(lobe, this->wo).probability;
-    }
-};
-
-// The same as of lobes, along directions in world space. What passes straight through is left out: paths
-// have not.
-inline BsdfEval eval(const Surface &surface, const Vec3f &direction) {
-    const Vec3f wi = surface.frame.to_local(direction);
-    if (!surface.bend.bent) return eval(surface.lobe, surface.wo, wi);
-    const float visible = surface.bend.visible(surface.wo, wi);
-    if (visible == 0) return {};
-    BsdfEval result = eval(surface.lobe, surface.wo, wi);
-    result.f_cos *= visible;
-    return result;
-}
-inline std::optional<BsdfSample> sample(const Surface &surface, float u_lobe, const Vec2f &u) {
-    auto result = sample(surface.lobe, surface.wo, u_lobe * surface.stopped, u);
-    if (!result) return result;
-    if (surface.bend.bent) {
-        const float visible = surface.bend.visible(surface.wo, result->wi);
-        result->weight *= visible;
-        if (visible == 0) {
-            result.reset();
-            return result;
-        }
-    }
-    result->wi = surface.frame.to_world(result->wi);
-    return result;
-}
 
 class Scene {
 public:
@@ -120,21 +70,28 @@ public:
     const FilterSampler &filter() const { return filter_; }
     const SceneParts &parts() const { return parts_; }
 
-    CameraRay camera_ray(Vec2f film, Vec2f lens) const {
+    template <class Float>
+    CameraRay<Float> camera_ray(const Vec2<Float> &film, const Vec2<Float> &lens) const {
         return match(parts_.camera, [&](const auto &camera) { return camera.generate(film, lens); });
     }
 
     // Everything about a hit that the ray tracer found.
-    Hit hit(const Ray &ray, const RayHit &found, const RayCone &cone) const;
+    Hit<float> hit(const Ray<float> &ray, const RayHit &found, const RayCone<float> &cone,
+                   const HitNeeds &needs = {}) const;
+    // The same of several rays; lanes where `active` is false hold the hits of others.
+    Hit<WideFloat> hit(const Ray<WideFloat> &rays, const RayHits &found, WideBool active,
+                       const RayCone<WideFloat> &cones, const HitNeeds &needs) const;
+    // What scattering light asks of hits in this scene.
+    const HitNeeds &needs() const { return needs_; }
 
     // The lobe at a hit, seen from `wo` (world space), of a path that does not pass straight through. Of a
     // blend it is one, chosen by the uniform number u.
-    Surface surface(const Hit &hit, const Vec3f &wo, float u) const;
+    AnySurface surface(const Hit<float> &hit, const Vec3f &wo, float u) const;
 
     // f(surface, share) for what surface() may choose, with its probability, where that is a small blend;
     // else f(chosen, 1). Sampling lights for each of them takes the noise of choosing out of direct light.
     template <class F>
-    void for_each_surface(const Hit &hit, const Vec3f &wo, const Surface &chosen, F &&f) const {
+    void for_each_surface(const Hit<float> &hit, const Vec3f &wo, const AnySurface &chosen, F &&f) const {
         if (!has_blends_) return f(chosen, 1.0f);
         const Side seen = side(hit, wo);
         if (!materials_.is_small_blend(seen.root)) return f(chosen, 1.0f);
@@ -145,57 +102,68 @@ public:
 
     // The diffuse colour at a hit: a parameter of materials that have one; of others pi times their value
     // between `wo` and the normal, which is that of a diffuse surface as bright. Of a blend as surface().
-    Spectrum albedo(const Hit &hit, const Vec3f &wo, float u) const;
+    Spectrum albedo(const Hit<float> &hit, const Vec3f &wo, float u) const;
     // The shading normal as the material's maps turn it.
-    Vec3f mapped_normal(const Hit &hit, const Vec3f &wo, float u) const;
+    Vec3f mapped_normal(const Hit<float> &hit, const Vec3f &wo, float u) const;
 
     // The light that passes straight through a hit, seen from `wo`: 1 - opacity, all of it at a `null`
     // surface, and what a pane of thin glass does not reflect.
-    Passage passage(const Hit &hit, const Vec3f &wo) const;
+    NullTransmission<float> null_transmission(const Hit<float> &hit, const Vec3f &wo) const;
     // Whether any surface lets light pass, so that shadow rays must look at what they meet.
-    bool has_passages() const { return materials_.has_passages(); }
+    bool has_null_transmission() const { return materials_.has_null_transmission(); }
 
     // Whether any texture depends on the size of what a pixel sees.
     bool reads_footprints() const { return reads_footprints_; }
 
     // The bitmap that the front BSDF of a hit's material reads first, if any.
-    const Bitmap *first_bitmap(const Hit &hit) const;
+    const Bitmap *first_bitmap(const Hit<float> &hit) const;
 
     Vec3f camera_space(Vec3f p) const { return to_camera_.point(p); }
     const BoundingSphere &bounding_sphere() const { return bounding_sphere_; } // of all shapes
 
     std::size_t bytes() const;
 
+    // Textures at a hit: over its footprint, seen from `wo`; or as sharp as they are, alike for all rays.
+    template <class Float>
+    TextureReader<Float> filtered_reader(const Hit<Float> &hit, const Vec3<Float> &wo) const {
+        return {parts_.textures, {hit.uv, &hit, parts_.shapes.data(), wo, true}};
+    }
+    TextureReader<float> sharp_reader(const Hit<float> &hit) const {
+        return {parts_.textures, {hit.uv, &hit, parts_.shapes.data(), Vec3f(0), false}};
+    }
+
+    // The plain BSDFs of a material's two sides, -1 for black: nothing where there are adapters, or where light
+    // passes straight through.
+    struct PlainMaterial {
+        std::int32_t front = -1, back = -1;
+    };
+    std::optional<PlainMaterial> plain_material(std::int32_t material) const;
+    const BsdfTraits &traits_of(std::int32_t bsdf) const { return bsdf_traits_[static_cast<std::size_t>(bsdf)]; }
+    // Scenes write alpha = 0.0001 for a mirror. A lobe below this roughness is narrower than any light that has an
+    // area, so that samples of lights would only cost time; lights without area need them still.
+    float sharpest() const { return picker_.has_delta_lights() ? 0 : 5e-4f; }
+
 private:
     // The BSDF at a hit, -1 for black; whether it is that of the back, and the normal then looks there.
     struct Choice {
         std::int32_t bsdf;
         bool turned;
-        MappedNormal normal;
+        MappedNormal<float> normal;
     };
-    Choice choose(const Hit &hit, const Vec3f &wo, float u) const;
-    Surface surface(const Choice &choice, const Hit &hit, const Vec3f &wo) const;
+    Choice choose(const Hit<float> &hit, const Vec3f &wo, float u) const;
+    AnySurface surface(const Choice &choice, const Hit<float> &hit, const Vec3f &wo) const;
     // Which of a material's sides is seen, and the normal before maps turn it.
     struct Side {
         MaterialId root;
         bool turned;
-        MappedNormal normal;
+        MappedNormal<float> normal;
     };
-    Side side(const Hit &hit, const Vec3f &wo) const;
-    void fill_in_instance(const Ray &ray, const RayHit &found, Hit &hit) const;
-    // Textures at a hit: over its footprint, seen from `wo`; or as sharp as they are, alike for all rays.
-    TextureReader filtered_reader(const Hit &hit, const Vec3f &wo) const {
-        return {parts_.textures, {hit.uv, &hit, &parts_.shapes[hit.shape], wo, true}};
-    }
-    TextureReader sharp_reader(const Hit &hit) const {
-        return {parts_.textures, {hit.uv, &hit, &parts_.shapes[hit.shape], Vec3f(0), false}};
-    }
-
+    Side side(const Hit<float> &hit, const Vec3f &wo) const;
+    void fill_in_instance(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs, Hit<float> &hit) const;
     SceneParts parts_;
-    struct BsdfTraits {
-        bool transmissive, isotropic, delta, lambertian, lets_pass;
-    };
     std::vector<BsdfTraits> bsdf_traits_;
+    std::vector<MeshArrays> meshes_; // of each shape that is a mesh
+    HitNeeds needs_;
     Materials materials_;
     std::optional<Accel> accel_;
     LightPicker picker_;

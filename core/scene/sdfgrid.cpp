@@ -127,7 +127,7 @@ Bounds SdfGrid::bounds(std::uint32_t voxel) const {
     return box;
 }
 
-std::optional<float> SdfGrid::intersect(const Ray &ray, std::uint32_t voxel) const {
+float SdfGrid::intersect(const Ray<float> &ray, std::uint32_t voxel) const {
     const Corner &corner = voxels_[voxel];
     const Vec3f low{static_cast<float>(corner[0]), static_cast<float>(corner[1]),
                     static_cast<float>(corner[2])};
@@ -137,16 +137,16 @@ std::optional<float> SdfGrid::intersect(const Ray &ray, std::uint32_t voxel) con
     float from = ray.near, to = ray.far;
     for (std::size_t axis = 0; axis < 3; ++axis) {
         const float a = (-slack - o[axis]) / d[axis], b = (1 + slack - o[axis]) / d[axis];
-        if (std::isnan(a) || std::isnan(b)) return std::nullopt; // along a face's plane, far from the voxel
+        if (std::isnan(a) || std::isnan(b)) return infinity; // along a face's plane, far from the voxel
         from = std::max(from, std::min(a, b));
         to = std::min(to, std::max(a, b));
     }
-    if (!(from < to)) return std::nullopt;
+    if (!(from < to)) return infinity;
     const auto root =
         first_root(along_ray(corner_values(corner), o + d * from, d), static_cast<double>(to - from));
-    if (!root) return std::nullopt;
+    if (!root) return infinity;
     const float t = from + static_cast<float>(*root);
-    return t > ray.near && t < ray.far ? std::optional(t) : std::nullopt;
+    return t > ray.near && t < ray.far ? t : infinity;
 }
 
 float SdfGrid::interpolated(Vec3f p) const {
@@ -231,7 +231,7 @@ float SdfGrid::mean_curvature(Vec3f p) const {
                : 0;
 }
 
-void SdfGrid::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
+void SdfGrid::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const {
     const Corner &corner = voxels_[found.primitive];
     const Vec3f low{static_cast<float>(corner[0]), static_cast<float>(corner[1]),
                     static_cast<float>(corner[2])};
@@ -251,7 +251,7 @@ void SdfGrid::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
     const float smooth_length = length(smooth);
     hit.shading_normal = smooth_length > 0 ? smooth / smooth_length : hit.normal;
     hit.uv = hit.barycentric = {0, 0};
-    const Frame tangents = frame_around(hit.normal);
+    const Frame<float> tangents = frame_around(hit.normal);
     hit.dp_du = tangents.s, hit.dp_dv = tangents.t;
     hit.mean_curvature = mean_curvature(p);
 }

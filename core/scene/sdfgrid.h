@@ -12,7 +12,8 @@
 #include "base/transform.h"
 #include "scene/grid.h"
 #include "scene/hit.h"
-#include "scene/surface.h"
+#include "scene/shape_sample.h"
+#include "scene/triangle.h"
 
 namespace lajolla {
 
@@ -39,12 +40,12 @@ struct SdfGrid : NeverLight {
     std::size_t bytes() const {
         return grid->bytes() + values_.size() * sizeof(float) + voxels_.size() * sizeof(Corner);
     }
-    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
 
     // Primitives are the voxels through which the surface may pass.
     std::uint32_t primitive_count() const { return static_cast<std::uint32_t>(voxels_.size()); }
     Bounds bounds(std::uint32_t voxel) const;
-    std::optional<float> intersect(const Ray &ray, std::uint32_t voxel) const;
+    float intersect(const Ray<float> &ray, std::uint32_t voxel) const;
 
 private:
     using Corner = std::array<std::uint32_t, 3>;

@@ -80,54 +80,14 @@ void TriangleMesh::prepare_sampling() {
     areas = Distribution(weights);
 }
 
-void TriangleMesh::fill(const Ray &, const RayHit &found, Hit &hit) const {
+void TriangleMesh::fill(const Ray<float> &, const RayHit &found, const HitNeeds &needs, Hit<float> &hit) const {
     const Triangle &t = mesh->triangles[found.primitive];
-    const Vec3f a = mesh->positions[t[0]], b = mesh->positions[t[1]], c = mesh->positions[t[2]];
-    const Vec3f e1 = b - a, e2 = c - a;
-    const float b1 = found.b1, b2 = found.b2, b0 = 1 - b1 - b2;
-    hit.position = a * b0 + b * b1 + c * b2;
-    hit.position_error = position_error(std::max({largest(a), largest(b), largest(c)}));
-
-    const Vec3f scaled_normal = cross(e1, e2);
-    const float area_squared = length_squared(scaled_normal);
-    const float inverse_area = 1 / std::sqrt(area_squared);
-    Vec3f normal = scaled_normal * inverse_area;
-    Vec3f shading = normal;
-    hit.mean_curvature = 0;
-    if (has_normals()) {
-        const Vec3f n0 = mesh->normals[t[0]], n1 = mesh->normals[t[1]], n2 = mesh->normals[t[2]];
-        const Vec3f sum = n0 * b0 + n1 * b1 + n2 * b2;
-        const float squared = length_squared(sum);
-        if (squared > 0) {
-            const float inverse_length = 1 / std::sqrt(squared);
-            shading = sum * inverse_length;
-            if (dot(shading, normal) < 0)
-                normal = -normal; // windings vary between files, vertex normals are meant
-            // Half the trace of the map from steps on the triangle to changes of the normal, in the dual
-            // basis of e1, e2.
-            const Vec3f dual1 = cross(e2, scaled_normal), dual2 = cross(scaled_normal, e1);
-            hit.mean_curvature = (dot(n1 - n0, dual1) + dot(n2 - n0, dual2)) * inverse_length *
-                                 (0.5f * inverse_area * inverse_area);
-        }
-    }
-    if (flip_normals) {
-        normal = -normal, shading = -shading;
-        hit.mean_curvature = -hit.mean_curvature;
-    }
-    hit.normal = normal;
-
-    hit.barycentric = hit.uv = {b1, b2};
-    hit.dp_du = e1, hit.dp_dv = e2;
-    if (!mesh->uvs.empty()) {
-        const Vec2f uv0 = mesh->uvs[t[0]], d1 = mesh->uvs[t[1]] - uv0, d2 = mesh->uvs[t[2]] - uv0;
-        hit.uv = uv0 + d1 * b1 + d2 * b2;
-        const float det = d1.x * d2.y - d1.y * d2.x;
-        if (det != 0) {
-            hit.dp_du = (e1 * d2.y - e2 * d1.y) * (1 / det);
-            hit.dp_dv = (e2 * d1.x - e1 * d2.x) * (1 / det);
-        }
-    }
-    hit.shading_normal = shading;
+    const TriangleCorners<float> corners{mesh->positions[t[0]], mesh->positions[t[1]], mesh->positions[t[2]]};
+    TriangleNormals<float> normals;
+    if (has_normals()) normals = {true, mesh->normals[t[0]], mesh->normals[t[1]], mesh->normals[t[2]]};
+    TriangleUvs<float> uvs;
+    if (!mesh->uvs.empty()) uvs = {true, mesh->uvs[t[0]], mesh->uvs[t[1]], mesh->uvs[t[2]]};
+    fill_triangle(corners, normals, uvs, flip_normals, found.b1, found.b2, needs, hit);
 }
 
 SurfaceSample TriangleMesh::sample(float u_triangle, Vec2f u) const {
@@ -153,28 +113,14 @@ void Sphere::build() {
     to_world = Transform{};
 }
 
-std::optional<float> Sphere::intersect(const Ray &ray) const {
-    // The discriminant from the distance between centre and ray, which does not cancel for distant or large
-    // spheres (Haines et al. 2019, "Precision Improvements for Ray/Sphere Intersection").
-    const Vec3f f = ray.origin - center;
-    const float a = length_squared(ray.direction), b = -dot(f, ray.direction);
-    const Vec3f closest = f + ray.direction * (b / a);
-    const float discriminant = radius * radius - length_squared(closest);
-    if (discriminant < 0) return std::nullopt;
-    const float c = (length(f) - radius) * (length(f) + radius);
-    const float q = b + std::copysign(std::sqrt(a * discriminant), b);
-    const float t0 = std::min(c / q, q / a), t1 = std::max(c / q, q / a);
-    if (t0 > ray.near && t0 < ray.far) return t0;
-    if (t1 > ray.near && t1 < ray.far) return t1;
-    return std::nullopt;
-}
-
-void Sphere::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
+void Sphere::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs, Hit<float> &hit) const {
     const Vec3f outward = normalize(ray.origin + ray.direction * found.distance - center);
     const SurfaceSample point = at(outward);
     hit.position = point.position;
     hit.position_error = point.position_error;
     hit.normal = hit.shading_normal = point.normal;
+    hit.mean_curvature = (flip_normals ? -1 : 1) / radius;
+    if (!needs.uvs && !needs.tangents) return;
     // uv = (phi / 2 pi, theta / pi) in spherical coordinates around the third axis; atan2 keeps its precision
     // at the poles, where acos loses half the digits
     const Vec3f local = axes.to_local(outward);
@@ -183,7 +129,6 @@ void Sphere::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
     hit.uv = hit.barycentric = {turns(local.y, local.x), std::atan2(r, local.z) * inv_pi};
     hit.dp_du = axes.to_world(Vec3f{-sin_phi * r, cos_phi * r, 0} * (2 * pi * radius));
     hit.dp_dv = axes.to_world(Vec3f{local.z * cos_phi, local.z * sin_phi, -r} * (pi * radius));
-    hit.mean_curvature = (flip_normals ? -1 : 1) / radius;
 }
 
 SurfaceSample Sphere::at(const Vec3f &direction) const {
@@ -207,7 +152,7 @@ Bounds Rectangle::bounds() const {
 
 float Rectangle::error() const { return plane_error(to_world); }
 
-void Rectangle::fill(const Ray &, const RayHit &found, Hit &hit) const {
+void Rectangle::fill(const Ray<float> &, const RayHit &found, const HitNeeds &, Hit<float> &hit) const {
     // Triangles (0, 1, 2) and (0, 2, 3) of corners().
     hit.uv =
         found.primitive == 0 ? Vec2f{found.b1 + found.b2, found.b2} : Vec2f{found.b1, found.b1 + found.b2};
@@ -247,15 +192,15 @@ Bounds Disk::bounds() const {
 
 float Disk::error() const { return plane_error(to_world); }
 
-std::optional<float> Disk::intersect(const Ray &ray) const {
+float Disk::intersect(const Ray<float> &ray) const {
     const Vec3f o = to_object.point(ray.origin), d = to_object.vector(ray.direction);
     const float t = -o.z / d.z;
     const float x = o.x + t * d.x, y = o.y + t * d.y;
-    if (!(t > ray.near && t < ray.far) || !(x * x + y * y <= 1)) return std::nullopt;
+    if (!(t > ray.near && t < ray.far) || !(x * x + y * y <= 1)) return infinity;
     return t;
 }
 
-void Disk::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
+void Disk::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const {
     const Vec3f p = to_object.point(ray.origin + ray.direction * found.distance);
     const float r = std::hypot(p.x, p.y);
     const float cos_phi = r > 0 ? p.x / r : 1, sin_phi = r > 0 ? p.y / r : 0;
@@ -281,7 +226,7 @@ void Cylinder::build() {
     height = length(p1 - p0);
     if (!(height > 0) || !(radius > 0))
         throw std::invalid_argument("a cylinder needs a height and a radius above zero");
-    const Frame local = frame_around((p1 - p0) / height);
+    const Frame<float> local = frame_around((p1 - p0) / height);
     axes = {to_world.vector(local.s) / scale, to_world.vector(local.t) / scale,
             to_world.vector(local.n) / scale};
     p0 = to_world.point(p0), p1 = to_world.point(p1);
@@ -295,14 +240,14 @@ Bounds Cylinder::bounds() const {
     return {min(p0, p1) - extent, max(p0, p1) + extent};
 }
 
-std::optional<float> Cylinder::intersect(const Ray &ray) const {
+float Cylinder::intersect(const Ray<float> &ray) const {
     const Vec3f o = axes.to_local(ray.origin - p0), d = axes.to_local(ray.direction);
     const float a = d.x * d.x + d.y * d.y;
-    if (a == 0) return std::nullopt;
+    if (a == 0) return infinity;
     // as for the sphere, in the plane across the axis
     const float b = -(o.x * d.x + o.y * d.y), x = o.x + d.x * (b / a), y = o.y + d.y * (b / a);
     const float discriminant = radius * radius - (x * x + y * y);
-    if (discriminant < 0) return std::nullopt;
+    if (discriminant < 0) return infinity;
     const float distance = std::hypot(o.x, o.y), c = (distance - radius) * (distance + radius);
     const float q = b + std::copysign(std::sqrt(a * discriminant), b);
     const auto on_tube = [&](float t) {
@@ -312,7 +257,7 @@ std::optional<float> Cylinder::intersect(const Ray &ray) const {
     const float t0 = std::min(c / q, q / a), t1 = std::max(c / q, q / a);
     if (on_tube(t0)) return t0;
     if (on_tube(t1)) return t1;
-    return std::nullopt;
+    return infinity;
 }
 
 SurfaceSample Cylinder::at(Vec2f around, float z) const {
@@ -321,7 +266,7 @@ SurfaceSample Cylinder::at(Vec2f around, float z) const {
             position_error(std::max(largest(p0), largest(p1)) + radius), 1 / area()};
 }
 
-void Cylinder::fill(const Ray &ray, const RayHit &found, Hit &hit) const {
+void Cylinder::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const {
     const Vec3f local = axes.to_local(ray.origin + ray.direction * found.distance - p0);
     const float r = std::hypot(local.x, local.y), z = std::clamp(local.z, 0.0f, height);
     const Vec2f around{local.x / r, local.y / r};

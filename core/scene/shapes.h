@@ -1,7 +1,7 @@
 #pragma once
 // The list of shapes. A shape answers four questions: what encloses it (bounds), what is known at a hit
-// (fill), how points on it are sampled (sample, with its area), and, where it is not made of triangles, where
-// a ray meets it (intersect). All work in world space after build().
+// (fill), how points on it are sampled (sample, with its area), and, where it is not made of triangles, at which
+// distance a ray meets it (intersect; infinity where it does not). All work in world space after build().
 
 #include <memory>
 #include <optional>
@@ -16,7 +16,8 @@
 #include "scene/hit.h"
 #include "scene/mesh.h"
 #include "scene/sdfgrid.h"
-#include "scene/surface.h"
+#include "scene/shape_sample.h"
+#include "scene/triangle.h"
 
 namespace lajolla {
 
@@ -47,10 +48,8 @@ struct TriangleMesh {
     void prepare_sampling();
     Bounds bounds() const { return box; }
     float area() const { return areas.sum(); }
-    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
     SurfaceSample sample(float u_triangle, Vec2f u) const;
-
-private:
     bool has_normals() const { return !face_normals && !mesh->normals.empty(); }
 };
 
@@ -61,7 +60,7 @@ struct Sphere {
     float radius = 1;
     Transform to_world;
     bool flip_normals = false;
-    Frame axes; // world directions of the texture's axes
+    Frame<float> axes; // world directions of the texture's axes
 
     static constexpr auto fields() {
         return std::tuple(field("center", &Sphere::center, "before to_world"),
@@ -73,8 +72,9 @@ struct Sphere {
     void prepare_sampling() {}
     Bounds bounds() const { return {center - Vec3f(radius), center + Vec3f(radius)}; }
     float area() const { return 4 * pi * radius * radius; }
-    std::optional<float> intersect(const Ray &ray) const;
-    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    template <class Float>
+    Float intersect(const Ray<Float> &ray) const;
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
     SurfaceSample sample(float, Vec2f u) const { return at(sample_sphere(u)); }
     // The point in a direction from the centre.
     SurfaceSample at(const Vec3f &direction) const;
@@ -82,6 +82,22 @@ struct Sphere {
 private:
     float error() const { return position_error(max_component(abs(center)) + radius); }
 };
+
+template <class Float>
+Float Sphere::intersect(const Ray<Float> &ray) const {
+    // The discriminant from the distance between centre and ray, which does not cancel for distant or large
+    // spheres (Haines et al. 2019, "Precision Improvements for Ray/Sphere Intersection").
+    const Vec3<Float> f = ray.origin - Vec3<Float>(center);
+    const Float a = length_squared(ray.direction), b = -dot(f, ray.direction);
+    const Vec3<Float> closest = f + ray.direction * (b / a);
+    const Float discriminant = radius * radius - length_squared(closest);
+    const auto meets = discriminant >= 0.0f;
+    if (!any(meets)) return infinity;
+    const Float distance = length(f), c = (distance - radius) * (distance + radius);
+    const Float q = b + copysign(sqrt(a * discriminant), b), t0 = min(c / q, q / a), t1 = max(c / q, q / a);
+    const auto within = [&](Float t) { return meets && t > ray.near && t < ray.far; };
+    return select(within(t0), t0, select(within(t1), t1, Float(infinity)));
+}
 
 struct Rectangle {
     static constexpr const char *name = "rectangle";
@@ -100,7 +116,7 @@ struct Rectangle {
     Bounds bounds() const;
     float area() const { return 4 * length(cross(to_world.axis(0), to_world.axis(1))); }
     std::array<Vec3f, 4> corners() const;
-    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
     SurfaceSample sample(float, Vec2f u) const;
 
 private:
@@ -123,8 +139,8 @@ struct Disk {
     void prepare_sampling() {}
     Bounds bounds() const;
     float area() const { return pi * length(cross(to_world.axis(0), to_world.axis(1))); }
-    std::optional<float> intersect(const Ray &ray) const;
-    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    float intersect(const Ray<float> &ray) const;
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
     SurfaceSample sample(float, Vec2f u) const;
 
 private:
@@ -139,7 +155,7 @@ struct Cylinder {
     float radius = 1;
     Transform to_world;
     bool flip_normals = false;
-    Frame axes; // n along the axis
+    Frame<float> axes; // n along the axis
     float height = 1;
 
     static constexpr auto fields() {
@@ -153,8 +169,8 @@ struct Cylinder {
     void prepare_sampling() {}
     Bounds bounds() const;
     float area() const { return 2 * pi * radius * height; }
-    std::optional<float> intersect(const Ray &ray) const;
-    void fill(const Ray &ray, const RayHit &found, Hit &hit) const;
+    float intersect(const Ray<float> &ray) const;
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
     SurfaceSample sample(float, Vec2f u) const;
 
 private:

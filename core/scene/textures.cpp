@@ -6,21 +6,28 @@ namespace lajolla {
 
 namespace {
 
-Vec2f vector_in_uv(const Transform &to_uv, Vec2f v) {
-    const Vec3f result = to_uv.vector({v.x, v.y, 0});
+template <class Float>
+Vec2<Float> vector_in_uv(const Transform &to_uv, Vec2<Float> v) {
+    const Vec3<Float> result = to_uv.vector(Vec3<Float>{v.x, v.y, 0});
+    return {result.x, result.y};
+}
+template <class Float>
+Vec2<Float> point_in_uv(const Transform &to_uv, Vec2<Float> p) {
+    const Vec3<Float> result = to_uv.point(Vec3<Float>{p.x, p.y, 1});
     return {result.x, result.y};
 }
 
-const TriangleMesh *mesh_at(const TexturePoint &at) {
-    return at.hit && at.shape ? std::get_if<TriangleMesh>(at.shape) : nullptr;
+const Shape *shape_at(const TexturePoint<float> &at) {
+    return at.hit && at.shapes ? at.shapes + at.hit->shape : nullptr;
 }
+const TriangleMesh *mesh_at(const TexturePoint<float> &at) { return std::get_if<TriangleMesh>(shape_at(at)); }
 
 // The product of the principal curvatures of the surface that a mesh's vertex normals describe: the
 // determinant of the map from steps on the triangle to changes of the normal.
-float gaussian_curvature(const TriangleMesh &shape, const Hit &hit) {
+float gaussian_curvature(const TriangleMesh &shape, const Hit<float> &hit) {
     const Mesh &mesh = *shape.mesh;
     if (shape.face_normals || mesh.normals.empty()) return 0;
-    const Triangle &t = mesh.triangles[hit.primitive];
+    const Triangle &t = mesh.triangles[static_cast<std::size_t>(hit.primitive)];
     const Vec3f e1 = mesh.positions[t[1]] - mesh.positions[t[0]],
                 e2 = mesh.positions[t[2]] - mesh.positions[t[0]];
     const Vec3f n0 = mesh.normals[t[0]], d1 = mesh.normals[t[1]] - n0, d2 = mesh.normals[t[2]] - n0;
@@ -31,9 +38,9 @@ float gaussian_curvature(const TriangleMesh &shape, const Hit &hit) {
     return scale > 0 ? determinant / sqr(scale) : 0;
 }
 
-float gaussian_curvature(const TexturePoint &at) {
+float gaussian_curvature(const TexturePoint<float> &at) {
     if (const TriangleMesh *mesh = mesh_at(at)) return gaussian_curvature(*mesh, *at.hit);
-    const bool is_sphere = at.shape && std::holds_alternative<Sphere>(*at.shape);
+    const bool is_sphere = std::get_if<Sphere>(shape_at(at));
     return is_sphere ? sqr(at.hit->mean_curvature) : 0; // the others can be unrolled
 }
 
@@ -45,33 +52,40 @@ void Bitmap::build() {
     pixels = MipMap(image, filter_type, wrap_mode);
 }
 
-float Bitmap::level(float uv_footprint) const {
-    const Vec2f u = vector_in_uv(to_uv, {1, 0}), v = vector_in_uv(to_uv, {0, 1});
-    const float scale = std::max(std::hypot(u.x, u.y), std::hypot(v.x, v.y));
-    const float texels = static_cast<float>(std::max(image->width, image->height)) * scale * uv_footprint;
-    return std::log2(std::max(texels, 1e-8f));
+template <class Float>
+Float Bitmap::level(Float uv_footprint) const {
+    const Vec2f u = vector_in_uv(to_uv, Vec2f{1, 0}), v = vector_in_uv(to_uv, Vec2f{0, 1});
+    const float scale = max(hypot(u.x, u.y), hypot(v.x, v.y));
+    const Float texels = static_cast<float>(std::max(image->width, image->height)) * scale * uv_footprint;
+    return log2(max(texels, Float(1e-8f)));
 }
+template float Bitmap::level(float) const;
+template WideFloat Bitmap::level(WideFloat) const;
 
-Spectrum Bitmap::look_up(const TexturePoint &at) const {
-    const Vec3f transformed = to_uv.point({at.uv.x, at.uv.y, 1});
-    const Vec2f position{transformed.x, transformed.y};
+template <class Float>
+Rgb<Float> Bitmap::look_up(const TexturePoint<Float> &at) const {
+    const Vec2<Float> position = point_in_uv(to_uv, at.uv);
     if (!at.filtered || !pixels.is_filtered()) return pixels.sharp(position);
+    const Float round_level = level(at.hit->uv_footprint());
     // A beam that a rough surface opened is blurred in every direction: its ellipse would cost and show
     // nothing.
-    const bool sharp_beam = at.hit->footprint.spread < 0.05f;
-    if (!pixels.is_elliptical() || !sharp_beam)
-        return pixels.trilinear(position, level(at.hit->uv_footprint()));
-    const UvEllipse ellipse = uv_ellipse(*at.hit, at.wo);
+    const auto blurred = !(at.hit->footprint.spread < 0.05f);
+    if (!pixels.is_elliptical() || all(blurred)) return pixels.trilinear(position, round_level);
+    const UvEllipse<Float> ellipse = uv_ellipse(*at.hit, at.wo);
     return pixels.elliptical(position, vector_in_uv(to_uv, ellipse.across),
-                             vector_in_uv(to_uv, ellipse.along), max_anisotropy);
+                             vector_in_uv(to_uv, ellipse.along), max_anisotropy, blurred, round_level);
 }
+template Rgb<float> Bitmap::look_up(const TexturePoint<float> &) const;
+template Rgb<WideFloat> Bitmap::look_up(const TexturePoint<WideFloat> &) const;
 
-UvGradient Bitmap::sharp_gradient(Vec2f uv) const {
-    const Vec3f position = to_uv.point({uv.x, uv.y, 1});
-    const auto [by_x, by_y] = pixels.gradient({position.x, position.y});
-    const Vec2f u = vector_in_uv(to_uv, {1, 0}), v = vector_in_uv(to_uv, {0, 1});
-    return {by_x * u.x + by_y * u.y, by_x * v.x + by_y * v.y};
+template <class Float>
+UvGradient<Float> Bitmap::sharp_gradient(Vec2<Float> uv) const {
+    const auto [by_x, by_y] = pixels.gradient(point_in_uv(to_uv, uv));
+    const Vec2f u = vector_in_uv(to_uv, Vec2f{1, 0}), v = vector_in_uv(to_uv, Vec2f{0, 1});
+    return {by_x * Float(u.x) + by_y * Float(u.y), by_x * Float(v.x) + by_y * Float(v.y)};
 }
+template UvGradient<float> Bitmap::sharp_gradient(Vec2<float>) const;
+template UvGradient<WideFloat> Bitmap::sharp_gradient(Vec2<WideFloat>) const;
 
 void ClampedTexture::build() {
     if (low > high) throw std::invalid_argument("\"low\" must not be above \"high\"");
@@ -83,27 +97,28 @@ void MeshAttribute::build() {
                                     attribute + "\"");
 }
 
-Spectrum MeshAttribute::look_up(const TexturePoint &at) const {
+Spectrum MeshAttribute::look_up(const TexturePoint<float> &at) const {
     const TriangleMesh *shape = mesh_at(at);
     if (!shape) return Spectrum(0);
     const auto found = shape->mesh->attributes.find(attribute);
     if (found == shape->mesh->attributes.end()) return Spectrum(0);
     const Mesh::Attribute &values = found->second;
-    const auto value = [&](std::uint32_t element) {
-        const float *first = values.values.data() + static_cast<std::size_t>(element) * values.channels;
+    const auto value = [&](std::size_t element) {
+        const float *first = values.values.data() + element * values.channels;
         return values.channels < 3 ? Spectrum(first[0]) : Spectrum(first[0], first[1], first[2]);
     };
-    if (values.per_face) return value(at.hit->primitive);
-    const Triangle &t = shape->mesh->triangles[at.hit->primitive];
+    const auto primitive = static_cast<std::size_t>(at.hit->primitive);
+    if (values.per_face) return value(primitive);
+    const Triangle &t = shape->mesh->triangles[primitive];
     const Vec2f b = at.hit->barycentric;
     return value(t[0]) * (1 - b.x - b.y) + value(t[1]) * b.x + value(t[2]) * b.y;
 }
 
-float Wireframe::interior(const TexturePoint &at) const {
+float Wireframe::interior(const TexturePoint<float> &at) const {
     const TriangleMesh *shape = mesh_at(at);
     if (!shape) return 1;
     const Mesh &mesh = *shape->mesh;
-    const Triangle &t = mesh.triangles[at.hit->primitive];
+    const Triangle &t = mesh.triangles[static_cast<std::size_t>(at.hit->primitive)];
     const Vec3f a = mesh.positions[t[0]], b = mesh.positions[t[1]], c = mesh.positions[t[2]];
     const Vec2f bary = at.hit->barycentric;
     // The height over an edge is the barycentric coordinate of the corner opposite times the whole height.
@@ -118,7 +133,7 @@ float Wireframe::interior(const TexturePoint &at) const {
     return x * x * (3 - 2 * x);
 }
 
-Spectrum CurvatureTexture::look_up(const TexturePoint &at) const {
+Spectrum CurvatureTexture::look_up(const TexturePoint<float> &at) const {
     if (!at.hit) return Spectrum(0);
     const float value =
         scale * (curvature == CurvatureKind::mean ? -at.hit->mean_curvature : gaussian_curvature(at));

@@ -18,18 +18,47 @@
 namespace lajolla {
 
 // Where a texture is evaluated.
+template <class Float>
 struct TexturePoint {
-    Vec2f uv;
-    const Hit *hit = nullptr; // with its primitive, barycentrics and curvature; none: uv is all that counts
-    const Shape *shape = nullptr; // that was hit
-    Vec3f wo{0};                  // towards the viewer, where the texture is filtered
-    bool filtered = false;        // over the pixel's footprint; else as sharp as it is
+    Vec2<Float> uv;
+    // With its shape, primitive, barycentrics and curvature; none: uv is all that counts.
+    const Hit<Float> *hit = nullptr;
+    const Shape *shapes = nullptr; // all of them: shapes[hit->shape] was hit
+    Vec3<Float> wo;                // towards the viewer, where the texture is filtered
+    bool filtered = false;         // over the pixel's footprint; else as sharp as it is
 };
 
 // Derivatives of a texture by u and v.
+template <class Float>
 struct UvGradient {
-    Spectrum by_u{0}, by_v{0};
+    Rgb<Float> by_u, by_v;
 };
+
+// One of two textures in each lane.
+template <class Float>
+Rgb<Float> read_either(const auto &read, BoolOf<Float> first, const Texture<Spectrum> &a,
+                       const Texture<Spectrum> &b) {
+    if (all(first)) return read(a);
+    if (!any(first)) return read(b);
+    return select(first, read(a), read(b));
+}
+
+// For what is not worth lanes: evaluate(point) -> Spectrum in one lane after the other.
+inline Spectrum lane_by_lane(const TexturePoint<float> &at, const auto &evaluate) { return evaluate(at); }
+inline Rgb<WideFloat> lane_by_lane(const TexturePoint<WideFloat> &at, const auto &evaluate) {
+    Rgb<WideFloat> result;
+    for (int k = 0; k < lanes; ++k) {
+        Hit<float> hit;
+        if (at.hit) hit = lane_of(*at.hit, k);
+        const Spectrum value = evaluate(TexturePoint<float>{{at.uv.x[k], at.uv.y[k]},
+                                                            at.hit ? &hit : nullptr,
+                                                            at.shapes,
+                                                            {at.wo.x[k], at.wo.y[k], at.wo.z[k]},
+                                                            at.filtered});
+        result.x.v[k] = value.x, result.y.v[k] = value.y, result.z.v[k] = value.z;
+    }
+    return result;
+}
 
 struct Bitmap {
     static constexpr const char *name = "bitmap";
@@ -56,13 +85,22 @@ struct Bitmap {
     bool reads_footprints() const { return pixels.is_filtered(); }
     // The level of the MIP pyramid whose texels are as large as the footprint; below 0 the image is
     // magnified.
-    float level(float uv_footprint) const;
-    Spectrum evaluate(const TexturePoint &at, const auto &) const { return look_up(at); }
-    UvGradient gradient(const TexturePoint &at, const auto &) const { return sharp_gradient(at.uv); }
+    template <class Float>
+    Float level(Float uv_footprint) const;
+    template <class Float>
+    Rgb<Float> evaluate(const TexturePoint<Float> &at, const auto &) const {
+        return look_up(at);
+    }
+    template <class Float>
+    UvGradient<Float> gradient(const TexturePoint<Float> &at, const auto &) const {
+        return sharp_gradient(at.uv);
+    }
 
 private:
-    Spectrum look_up(const TexturePoint &at) const;
-    UvGradient sharp_gradient(Vec2f uv) const;
+    template <class Float>
+    Rgb<Float> look_up(const TexturePoint<Float> &at) const;
+    template <class Float>
+    UvGradient<Float> sharp_gradient(Vec2<Float> uv) const;
 };
 
 struct Checkerboard {
@@ -77,10 +115,11 @@ struct Checkerboard {
             field("color1", &Checkerboard::color1, "colour of the other squares").range(0),
             field("to_uv", &Checkerboard::to_uv, "transform of texture coordinates before the look-up"));
     }
-    Spectrum evaluate(const TexturePoint &at, const auto &read) const {
-        const Vec3f p = to_uv.point({at.uv.x, at.uv.y, 1});
-        const auto odd_half = [](float x) { return x - std::floor(x) > 0.5f; };
-        return read(odd_half(p.x) == odd_half(p.y) ? color0 : color1);
+    template <class Float>
+    Rgb<Float> evaluate(const TexturePoint<Float> &at, const auto &read) const {
+        const Vec3<Float> p = to_uv.point(Vec3<Float>{at.uv.x, at.uv.y, 1});
+        const auto odd_half = [](Float x) { return x - floor(x) > 0.5f; };
+        return read_either<Float>(read, odd_half(p.x) == odd_half(p.y), color0, color1);
     }
 };
 
@@ -98,10 +137,11 @@ struct GridTexture {
             field("line_width", &GridTexture::line_width, "of half a line, in squares").range(0),
             field("to_uv", &GridTexture::to_uv, "transform of texture coordinates before the look-up"));
     }
-    Spectrum evaluate(const TexturePoint &at, const auto &read) const {
-        const Vec3f p = to_uv.point({at.uv.x, at.uv.y, 1});
-        const auto on_line = [&](float x) { return std::abs(x - std::round(x)) < line_width; };
-        return read(on_line(p.x) || on_line(p.y) ? color1 : color0);
+    template <class Float>
+    Rgb<Float> evaluate(const TexturePoint<Float> &at, const auto &read) const {
+        const Vec3<Float> p = to_uv.point(Vec3<Float>{at.uv.x, at.uv.y, 1});
+        const auto on_line = [&](Float x) { return abs(x - floor(x + 0.5f)) < line_width; };
+        return read_either<Float>(read, on_line(p.x) || on_line(p.y), color1, color0);
     }
 };
 
@@ -114,10 +154,14 @@ struct ScaledTexture {
         return std::tuple(field("texture", &ScaledTexture::texture, "what is scaled"),
                           field("scale", &ScaledTexture::scale, "the factor"));
     }
-    Spectrum evaluate(const TexturePoint &, const auto &read) const { return read(texture) * read(scale); }
-    UvGradient gradient(const TexturePoint &, const auto &read) const {
-        const Spectrum a = read(texture), b = read(scale);
-        const UvGradient da = read.gradient(texture), db = read.gradient(scale);
+    template <class Float>
+    Rgb<Float> evaluate(const TexturePoint<Float> &, const auto &read) const {
+        return read(texture) * read(scale);
+    }
+    template <class Float>
+    UvGradient<Float> gradient(const TexturePoint<Float> &, const auto &read) const {
+        const Rgb<Float> a = read(texture), b = read(scale);
+        const UvGradient<Float> da = read.gradient(texture), db = read.gradient(scale);
         return {da.by_u * b + a * db.by_u, da.by_v * b + a * db.by_v};
     }
 };
@@ -134,14 +178,17 @@ struct ClampedTexture {
                           field("high", &ClampedTexture::high, "the largest value"));
     }
     void build();
-    Spectrum evaluate(const TexturePoint &, const auto &read) const {
-        return min(max(Spectrum(low), read(texture)), Spectrum(high)); // this order takes NaN to `low`
+    template <class Float>
+    Rgb<Float> evaluate(const TexturePoint<Float> &, const auto &read) const {
+        const Rgb<Float> lowest = Spectrum(low), highest = Spectrum(high);
+        return min(max(lowest, read(texture)), highest); // this order takes NaN to `low`
     }
-    UvGradient gradient(const TexturePoint &, const auto &read) const {
-        const Spectrum value = read(texture);
-        const auto inside = [&](float x) { return x > low && x < high ? 1.0f : 0.0f; };
-        const Spectrum kept{inside(value.x), inside(value.y), inside(value.z)};
-        const UvGradient slope = read.gradient(texture);
+    template <class Float>
+    UvGradient<Float> gradient(const TexturePoint<Float> &, const auto &read) const {
+        const Rgb<Float> value = read(texture);
+        const auto inside = [&](Float x) { return select(x > low && x < high, Float(1), Float(0)); };
+        const Rgb<Float> kept{inside(value.x), inside(value.y), inside(value.z)};
+        const UvGradient<Float> slope = read.gradient(texture);
         return {slope.by_u * kept, slope.by_v * kept};
     }
 };
@@ -159,10 +206,13 @@ struct MeshAttribute {
     }
     void build();
     // Black where the shape has no such attribute.
-    Spectrum evaluate(const TexturePoint &at, const auto &) const { return look_up(at) * scale; }
+    template <class Float>
+    Rgb<Float> evaluate(const TexturePoint<Float> &at, const auto &) const {
+        return lane_by_lane(at, [&](const auto &point) { return look_up(point); }) * Float(scale);
+    }
 
 private:
-    Spectrum look_up(const TexturePoint &at) const;
+    Spectrum look_up(const TexturePoint<float> &at) const;
 };
 
 struct Wireframe {
@@ -181,13 +231,15 @@ struct Wireframe {
             field("step_width", &Wireframe::step_width, "the fraction of line_width that is blurred")
                 .range(0, 1));
     }
-    Spectrum evaluate(const TexturePoint &at, const auto &read) const {
-        const float inside = interior(at);
-        return lerp(inside, read(edge_color), read(interior_color));
+    template <class Float>
+    Rgb<Float> evaluate(const TexturePoint<Float> &at, const auto &read) const {
+        const Rgb<Float> inside =
+            lane_by_lane(at, [&](const auto &point) { return Spectrum(interior(point)); });
+        return lerp(inside.x, read(edge_color), read(interior_color));
     }
 
 private:
-    float interior(const TexturePoint &at) const; // 0 on an edge, 1 inside
+    float interior(const TexturePoint<float> &at) const; // 0 on an edge, 1 inside
 };
 
 enum class CurvatureKind { gaussian, mean };
@@ -206,52 +258,56 @@ struct CurvatureTexture {
             field("scale", &CurvatureTexture::scale, "curvature times scale is the brightness, 1 at most")
                 .range(0));
     }
-    Spectrum evaluate(const TexturePoint &at, const auto &) const { return look_up(at); }
+    template <class Float>
+    Rgb<Float> evaluate(const TexturePoint<Float> &at, const auto &) const {
+        return lane_by_lane(at, [&](const auto &point) { return look_up(point); });
+    }
 
 private:
-    Spectrum look_up(const TexturePoint &at) const;
+    Spectrum look_up(const TexturePoint<float> &at) const;
 };
 
 using TextureModel = std::variant<Bitmap, Checkerboard, GridTexture, ScaledTexture, ClampedTexture,
                                   MeshAttribute, Wireframe, CurvatureTexture>;
 
-// Reads texture handles at one point. This is the `read` that models prepare with.
+// Reads texture handles at one point, or at one in each lane. This is the `read` that models prepare with.
+template <class Float>
 class TextureReader {
 public:
-    TextureReader(std::span<const TextureModel> textures, const TexturePoint &at)
+    TextureReader(std::span<const TextureModel> textures, const TexturePoint<Float> &at)
         : textures_(textures), at_(at) {}
 
-    Spectrum operator()(const Texture<Spectrum> &texture) const {
-        return texture.is_constant() ? texture.constant : evaluate(texture.id);
+    Rgb<Float> operator()(const Texture<Spectrum> &texture) const {
+        return texture.is_constant() ? Rgb<Float>(texture.constant) : evaluate(texture.id);
     }
-    float operator()(const Texture<float> &texture) const {
-        return texture.is_constant() ? texture.constant : luminance(evaluate(texture.id));
+    Float operator()(const Texture<float> &texture) const {
+        return texture.is_constant() ? Float(texture.constant) : luminance(evaluate(texture.id));
     }
 
     // Zero for textures that do not tell: they are flat but for edges, or do not depend on u and v.
-    UvGradient gradient(const Texture<Spectrum> &texture) const {
-        return texture.is_constant() ? UvGradient{} : evaluate_gradient(texture.id);
+    UvGradient<Float> gradient(const Texture<Spectrum> &texture) const {
+        return texture.is_constant() ? UvGradient<Float>{} : evaluate_gradient(texture.id);
     }
-    Vec2f gradient(const Texture<float> &texture) const {
-        if (texture.is_constant()) return {0, 0};
-        const UvGradient result = evaluate_gradient(texture.id);
+    Vec2<Float> gradient(const Texture<float> &texture) const {
+        if (texture.is_constant()) return {};
+        const UvGradient<Float> result = evaluate_gradient(texture.id);
         return {luminance(result.by_u), luminance(result.by_v)};
     }
 
 private:
-    Spectrum evaluate(std::int32_t id) const {
+    Rgb<Float> evaluate(std::int32_t id) const {
         return match(textures_[static_cast<std::size_t>(id)],
                      [&](const auto &model) { return model.evaluate(at_, *this); });
     }
-    UvGradient evaluate_gradient(std::int32_t id) const {
-        return match(textures_[static_cast<std::size_t>(id)], [&](const auto &model) -> UvGradient {
+    UvGradient<Float> evaluate_gradient(std::int32_t id) const {
+        return match(textures_[static_cast<std::size_t>(id)], [&](const auto &model) -> UvGradient<Float> {
             if constexpr (requires { model.gradient(at_, *this); }) return model.gradient(at_, *this);
             else return {};
         });
     }
 
     std::span<const TextureModel> textures_;
-    TexturePoint at_;
+    TexturePoint<Float> at_;
 };
 
 } // namespace lajolla

@@ -26,15 +26,15 @@ struct AmbientOcclusion {
 
     // The mean visibility under the cosine-weighted density of directions around the shading normal.
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                      const CameraRay &camera) const {
+                      const CameraRay<float> &camera) const {
         const auto found = tracer.closest(camera.ray);
         if (!found) return Spectrum(1);
-        const Hit hit = scene.hit(camera.ray, *found, camera.cone);
-        const Frame frame = frame_around(hit.shading_normal);
+        const Hit<float> hit = scene.hit(camera.ray, *found, camera.cone);
+        const Frame<float> frame = frame_around(hit.shading_normal);
         const float reach = ray_length < 0 ? scene.bounding_sphere().radius / 2 : ray_length;
         int visible = 0;
         for (int i = 1; i <= shading_samples; ++i) {
-            const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(i));
+            const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(i));
             const Vec3f direction = frame.to_world(sample_cosine_hemisphere(u.bsdf_uv));
             if (!tracer.occluded({leave(hit, direction), direction, 0, reach})) ++visible;
         }

@@ -10,25 +10,25 @@ namespace lajolla {
 // the scene. What lets a ray pass straight through is not there; the random numbers are those of the path,
 // and so is `medium`, which is in its first state.
 template <class Medium>
-float coverage(const Scene &scene, Tracer &tracer, const CameraRay &camera, bool hide_emitters,
+float coverage(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera, bool hide_emitters,
                Medium medium) {
     if (!hide_emitters && scene.lights().has_environment()) return 1;
-    Ray ray = camera.ray;
-    RayCone cone = camera.cone;
+    Ray<float> ray = camera.ray;
+    RayCone<float> cone = camera.cone;
     float flight = camera.flight;
-    for (int passages = 0; passages <= max_passages; ++passages) {
+    for (int passages = 0; passages <= max_null_transmissions; ++passages) {
         const auto found = tracer.closest(ray);
         if constexpr (Medium::present)
             if (medium.current >= 0) {
-                Ray piece = ray;
+                Ray<float> piece = ray;
                 if (found) piece.far = found->distance;
                 if (medium.fly(scene, piece, flight).collision) return 1;
             }
         if (!found) return 0;
-        const Hit hit = scene.hit(ray, *found, cone);
+        const Hit<float> hit = scene.hit(ray, *found, cone);
         if (hit.emitter >= 0 && !hide_emitters) return 1;
         const bool hidden = hit.emitter >= 0;
-        if (!passes(passage_at(scene, hit, ray.direction, hidden).probability, flight)) return 1;
+        if (!passes(null_transmission_at(scene, hit, ray.direction, hidden).probability, flight)) return 1;
         ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
         cone = hit.footprint;
         medium.cross(hit, ray.direction);

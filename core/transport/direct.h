@@ -29,7 +29,7 @@ struct Direct {
     }
 
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                      const CameraRay &camera) const;
+                      const CameraRay<float> &camera) const;
 
 private:
     // The power heuristic for several samples of each strategy (Veach 1997, section 9.2.2): what one of
@@ -39,17 +39,17 @@ private:
         return power_heuristic(n * pdf, static_cast<float>(other_count) * other_pdf) / n;
     }
 
-    Spectrum sample_light(const Scene &scene, Tracer &tracer, const Hit &hit, const Surface &surface,
-                          const BounceSample &u) const;
-    Spectrum sample_bsdf(const Scene &scene, Tracer &tracer, const Hit &hit, const Surface &surface,
-                         const BounceSample &u) const;
+    Spectrum sample_light(const Scene &scene, Tracer &tracer, const Hit<float> &hit, const AnySurface &surface,
+                          const BounceSample<float> &u) const;
+    Spectrum sample_bsdf(const Scene &scene, Tracer &tracer, const Hit<float> &hit, const AnySurface &surface,
+                         const BounceSample<float> &u) const;
 };
 
 namespace detail {
 
 // A ray's way to the first surface that does not let it pass, and the light met until then.
 struct Sight {
-    std::optional<Hit> hit;
+    std::optional<Hit<float>> hit;
     Spectrum light{0}, throughput{1};
     float u; // what is left of the random number that decided about passing
 };
@@ -57,11 +57,11 @@ struct Sight {
 // Light counts weight(reach, pdf()) times: `reach` is the chance of coming that far through what lets
 // rays pass, `pdf` the density of sampling the light from `origin`.
 template <class Weight>
-Sight look(const Scene &scene, Tracer &tracer, const Vec3f &origin, Ray ray, RayCone cone, float flight,
+Sight look(const Scene &scene, Tracer &tracer, const Vec3f &origin, Ray<float> ray, RayCone<float> cone, float flight,
            bool hide_emitters, Weight &&weight) {
     Sight sight{std::nullopt, Spectrum(0), Spectrum(1), flight};
     float reach = 1;
-    for (int passages = 0; passages <= max_passages; ++passages) {
+    for (int passages = 0; passages <= max_null_transmissions; ++passages) {
         const auto found = tracer.closest(ray);
         if (!found) {
             if (!hide_emitters)
@@ -69,18 +69,18 @@ Sight look(const Scene &scene, Tracer &tracer, const Vec3f &origin, Ray ray, Ray
                                weight(reach, [&] { return scene.lights().pdf_environment(ray.direction); });
             break;
         }
-        const Hit hit = scene.hit(ray, *found, cone);
+        const Hit<float> hit = scene.hit(ray, *found, cone);
         const bool hidden = hide_emitters && hit.emitter >= 0;
         if (hit.emitter >= 0 && !hidden)
             sight.light += sight.throughput * scene.lights().emitted(hit, -ray.direction) *
                            weight(reach, [&] { return scene.lights().pdf_hit(origin, hit, ray.direction); });
-        const Passage passage = passage_at(scene, hit, ray.direction, hidden);
-        if (!passes(passage.probability, sight.u)) {
+        const NullTransmission<float> through = null_transmission_at(scene, hit, ray.direction, hidden);
+        if (!passes(through.probability, sight.u)) {
             sight.hit = hit;
             break;
         }
-        sight.throughput *= passage.transmitted / passage.probability;
-        reach *= passage.probability;
+        sight.throughput *= through.transmittance / through.probability;
+        reach *= through.probability;
         ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
         cone = hit.footprint;
     }
@@ -89,12 +89,12 @@ Sight look(const Scene &scene, Tracer &tracer, const Vec3f &origin, Ray ray, Ray
 
 } // namespace detail
 
-inline Spectrum Direct::sample_light(const Scene &scene, Tracer &tracer, const Hit &hit,
-                                     const Surface &surface, const BounceSample &u) const {
-    const DirectSample light = scene.lights().sample_direct(hit.position, u.light, u.light_uv);
+inline Spectrum Direct::sample_light(const Scene &scene, Tracer &tracer, const Hit<float> &hit,
+                                     const AnySurface &surface, const BounceSample<float> &u) const {
+    const DirectSample<float> light = scene.lights().sample_direct(hit.position, u.light, u.light_uv);
     if (light.pdf == 0) return Spectrum(0);
     const SurfaceVertex vertex{hit, surface};
-    const BsdfEval bsdf = vertex.eval(light.wi);
+    const BsdfEval<float> bsdf = vertex.eval(light.wi);
     if (is_black(bsdf.f_cos)) return Spectrum(0);
     const auto arrived = arrival(scene, tracer, vertex, light, Vacuum());
     if (!arrived) return Spectrum(0);
@@ -103,38 +103,38 @@ inline Spectrum Direct::sample_light(const Scene &scene, Tracer &tracer, const H
     return bsdf.f_cos * light.radiance * arrived->fraction * (weight / (light.pdf * sqr(bsdf.eta)));
 }
 
-inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hit &hit,
-                                    const Surface &surface, const BounceSample &u) const {
-    const auto scattered = sample(surface, u.lobe, u.bsdf_uv);
-    if (!scattered) return Spectrum(0);
-    const bool alone = surface.sharp || scattered->is_delta(); // light sampling cannot find this direction
-    const Vec3f direction = scattered->wi;
+inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hit<float> &hit,
+                                    const AnySurface &surface, const BounceSample<float> &u) const {
+    const BsdfSample<float> scattered = surface.sample(u.lobe, u.bsdf_uv);
+    if (!scattered.valid) return Spectrum(0);
+    const bool alone = surface.sharp || scattered.delta; // light sampling cannot find this direction
+    const Vec3f direction = scattered.wi;
     const auto weight = [&](float reach, auto &&light_pdf) {
-        return share(bsdf_samples, scattered->pdf * reach, emitter_samples, alone ? 0 : light_pdf());
+        return share(bsdf_samples, scattered.pdf * reach, emitter_samples, alone ? 0 : light_pdf());
     };
-    const Ray ray{leave(hit, direction), direction, 0, infinity};
+    const Ray<float> ray{leave(hit, direction), direction, 0, infinity};
     const auto sight = detail::look(scene, tracer, hit.position, ray, hit.footprint, u.flight, false, weight);
-    return scattered->weight * sight.light / sqr(scattered->eta);
+    return scattered.weight * sight.light / sqr(scattered.eta);
 }
 
 inline Spectrum Direct::radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                                 const CameraRay &camera) const {
+                                 const CameraRay<float> &camera) const {
     const auto sight = detail::look(scene, tracer, camera.ray.origin, camera.ray, camera.cone, camera.flight,
                                     hide_emitters, [](float, auto &&) { return 1.0f; });
     if (!sight.hit) return sight.light;
     const Vec3f wo = -camera.ray.direction;
-    const Surface chosen = scene.surface(*sight.hit, wo, sight.u);
+    const AnySurface chosen = scene.surface(*sight.hit, wo, sight.u);
     Spectrum scattered{0};
     const int lights = scene.lights().empty() ? 0 : emitter_samples;
-    scene.for_each_surface(*sight.hit, wo, chosen, [&](const Surface &surface, float share) {
+    scene.for_each_surface(*sight.hit, wo, chosen, [&](const AnySurface &surface, float share) {
         if (surface.black || surface.sharp) return;
         for (int i = 1; i <= lights; ++i) {
-            const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(i));
+            const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(i));
             scattered += share * sample_light(scene, tracer, *sight.hit, surface, u);
         }
     });
     for (int i = 1; i <= bsdf_samples && !chosen.black; ++i) {
-        const BounceSample u = sampler.bounce(static_cast<std::uint32_t>(i));
+        const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(i));
         scattered += sample_bsdf(scene, tracer, *sight.hit, chosen, u);
     }
     return sight.light + sight.throughput * scattered;

@@ -49,20 +49,20 @@ struct FirstHit {
             field("first_shape", &FirstHit::first_shape, "from which shape_index counts").range(0));
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &, const CameraRay &camera) const {
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &, const CameraRay<float> &camera) const {
         const auto found = tracer.closest(camera.ray);
         return found ? value(scene, camera, scene.hit(camera.ray, *found, camera.cone)) : undefined;
     }
 
 private:
-    Spectrum value(const Scene &scene, const CameraRay &camera, const Hit &hit) const;
+    Spectrum value(const Scene &scene, const CameraRay<float> &camera, const Hit<float> &hit) const;
 };
 
 namespace detail {
 
 // How u and v change from a hit to where another ray meets its tangent plane: the least-squares solution of
 // du dp_du + dv dp_dv = difference of the points. Nothing where the surface has no parametrisation.
-inline Vec2f uv_difference(const Hit &hit, const Ray &other) {
+inline Vec2f uv_difference(const Hit<float> &hit, const Ray<float> &other) {
     const float t = dot(hit.normal, hit.position - other.origin) / dot(hit.normal, other.direction);
     const Vec3f difference = other.origin + other.direction * t - hit.position;
     const float uu = length_squared(hit.dp_du), uv = dot(hit.dp_du, hit.dp_dv),
@@ -75,7 +75,7 @@ inline Vec2f uv_difference(const Hit &hit, const Ray &other) {
 
 } // namespace detail
 
-inline Spectrum FirstHit::value(const Scene &scene, const CameraRay &camera, const Hit &hit) const {
+inline Spectrum FirstHit::value(const Scene &scene, const CameraRay<float> &camera, const Hit<float> &hit) const {
     const auto pair = [](Vec2f v) { return Spectrum(v.x, v.y, 0); };
     const auto difference = [&](Vec2f step) {
         const Film &film = scene.film();

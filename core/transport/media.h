@@ -23,18 +23,18 @@ struct Vacuum {
         Spectrum fraction{1};
         float reach = 1; // the probability of a path coming this far
         const Spectrum &value() const { return fraction; }
-        void pass(const Passage &through) {
-            fraction *= through.transmitted;
+        void pass(const NullTransmission<float> &through) {
+            fraction *= through.transmittance;
             reach *= through.probability;
         }
     };
 
     Vacuum() = default;
-    Vacuum(const Scene &, const CameraRay &, const Sampler &, bool) {}
+    Vacuum(const Scene &, const CameraRay<float> &, const Sampler &, bool) {}
     void next_flight(const Sampler &, std::uint32_t) {}
     const Vacuum &for_shadow_ray(const Sampler &, std::uint32_t) const { return *this; }
-    void cross(const Hit &, const Vec3f &) {}
-    void attenuate(const Scene &, const Ray &, Light &) {}
+    void cross(const Hit<float> &, const Vec3f &) {}
+    void attenuate(const Scene &, const Ray<float> &, Light &) {}
     float reach(const Light &light) const { return light.reach; }
 };
 
@@ -60,13 +60,13 @@ public:
         float survival = 1; // the probability that the ray was followed to its end
 
         Spectrum value() const { return fraction / survival; }
-        void pass(const Passage &through) {
-            fraction *= through.transmitted;
+        void pass(const NullTransmission<float> &through) {
+            fraction *= through.transmittance;
             reach *= through.probability;
         }
     };
 
-    InMedia(const Scene &scene, const CameraRay &camera, const Sampler &sampler, bool scatters)
+    InMedia(const Scene &scene, const CameraRay<float> &camera, const Sampler &sampler, bool scatters)
         : current(scene.camera_medium()), scatters_(scatters),
           channel_(std::min(static_cast<std::size_t>(camera.channel * 3), std::size_t(2))),
           numbers_(sampler.stream(0)) {}
@@ -82,25 +82,25 @@ public:
     }
 
     // Surfaces tell which medium a ray is in that leaves them.
-    void cross(const Hit &hit, const Vec3f &direction) {
+    void cross(const Hit<float> &hit, const Vec3f &direction) {
         if (hit.interior >= 0 || hit.exterior >= 0)
             current = dot(hit.normal, direction) > 0 ? hit.exterior : hit.interior;
     }
 
     // From the near to the far end of the ray, or to a collision before. `u` is a uniform number; what it is
     // afterwards has not been used.
-    Flight fly(const Scene &scene, const Ray &ray, float &u);
+    Flight fly(const Scene &scene, const Ray<float> &ray, float &u);
 
     // Attenuates light along the whole ray.
-    void attenuate(const Scene &scene, const Ray &ray, Light &light);
+    void attenuate(const Scene &scene, const Ray<float> &ray, Light &light);
     // The density of a path coming as far as the light, sampled by any channel.
     float reach(const Light &light) const { return mean(density_ * light.reach); }
 
 private:
-    Flight fly(const Homogeneous &model, const Media &media, const Ray &ray, float &u);
-    Flight fly(const Heterogeneous &model, const Media &media, const Ray &ray, float &u);
-    void attenuate(const Homogeneous &model, const Media &media, const Ray &ray, Light &light);
-    void attenuate(const Heterogeneous &model, const Media &media, const Ray &ray, Light &light);
+    Flight fly(const Homogeneous &model, const Media &media, const Ray<float> &ray, float &u);
+    Flight fly(const Heterogeneous &model, const Media &media, const Ray<float> &ray, float &u);
+    void attenuate(const Homogeneous &model, const Media &media, const Ray<float> &ray, Light &light);
+    void attenuate(const Heterogeneous &model, const Media &media, const Ray<float> &ray, Light &light);
 
     Coefficients coefficients(const Media &media, const Vec3f &position, const Vec3f &direction) const {
         Coefficients result = media.coefficients(current, position, direction);
@@ -150,7 +150,7 @@ inline float InMedia::event(const Spectrum &f, const Spectrum &p, Spectrum &weig
 }
 
 // In closed form. A medium that only absorbs has no collisions: its weight is exact.
-inline Flight InMedia::fly(const Homogeneous &, const Media &media, const Ray &ray, float &u) {
+inline Flight InMedia::fly(const Homogeneous &, const Media &media, const Ray<float> &ray, float &u) {
     const Coefficients at = coefficients(media, ray.origin, ray.direction);
     const Spectrum sigma_t = at.sigma_t();
     const float length = ray.far - ray.near;
@@ -175,7 +175,7 @@ inline Flight InMedia::fly(const Homogeneous &, const Media &media, const Ray &r
 // Delta tracking (Woodcock et al. 1965) below majorants that are constant in pieces. They are alike for all
 // channels, and for sampling lights: their densities cancel, and only what a collision turns out to be
 // counts.
-inline Flight InMedia::fly(const Heterogeneous &model, const Media &media, const Ray &ray, float &u) {
+inline Flight InMedia::fly(const Heterogeneous &model, const Media &media, const Ray<float> &ray, float &u) {
     Flight flight;
     float thickness = detail::sample_thickness(draw(u));
     int collisions = 0;
@@ -206,7 +206,7 @@ inline Flight InMedia::fly(const Heterogeneous &model, const Media &media, const
 }
 
 // Closed form.
-inline void InMedia::attenuate(const Homogeneous &, const Media &media, const Ray &ray, Light &light) {
+inline void InMedia::attenuate(const Homogeneous &, const Media &media, const Ray<float> &ray, Light &light) {
     const Coefficients at = coefficients(media, ray.origin, ray.direction);
     const Spectrum transmitted = detail::exp_minus(at.sigma_t(), ray.far - ray.near);
     light.fraction *= transmitted;
@@ -215,7 +215,7 @@ inline void InMedia::attenuate(const Homogeneous &, const Media &media, const Ra
 
 // Ratio tracking (Novák et al. 2014, "Residual ratio tracking for estimating attenuation in participating
 // media"), which roulette ends where little is left.
-inline void InMedia::attenuate(const Heterogeneous &model, const Media &media, const Ray &ray, Light &light) {
+inline void InMedia::attenuate(const Heterogeneous &model, const Media &media, const Ray<float> &ray, Light &light) {
     float thickness = detail::sample_thickness(numbers_.next());
     int collisions = 0;
     model.majorants.traverse(ray, [&](float t, float end, float majorant) {
@@ -238,12 +238,12 @@ inline void InMedia::attenuate(const Heterogeneous &model, const Media &media, c
     });
 }
 
-inline Flight InMedia::fly(const Scene &scene, const Ray &ray, float &u) {
+inline Flight InMedia::fly(const Scene &scene, const Ray<float> &ray, float &u) {
     return match(scene.media()[current],
                  [&](const auto &model) { return fly(model, scene.media(), ray, u); });
 }
 
-inline void InMedia::attenuate(const Scene &scene, const Ray &ray, Light &light) {
+inline void InMedia::attenuate(const Scene &scene, const Ray<float> &ray, Light &light) {
     if (current < 0) return;
     match(scene.media()[current], [&](const auto &model) { attenuate(model, scene.media(), ray, light); });
 }

@@ -1,7 +1,14 @@
 #pragma once
-// Path tracing: emission is gathered along paths that grow from the camera, by sampling lights and by
-// sampling BSDFs and phase functions, combined with multiple importance sampling (Veach 1997, chapters 8 to
-// 10). One loop serves surfaces and media; where a scene has no media, the compiler has left them out.
+// Path tracing. The radiance that leaves x_1 towards the camera is (Kajiya 1986; Veach 1997, chapters 8 to 10)
+//
+//     L(x_1, wo) = Le(x_1, wo) + integral of f(wo, wi) L(x_2, -wi) |cos wi| dwi,  x_2 = what is seen from x_1 along wi,
+//
+// and a path grows from the camera, one vertex after the other: `emitted` gathers Le where the path hits light,
+// `direct` estimates the part of the integral that comes straight from lights by sampling these, and `scatter` samples wi
+// for all the rest. Light found both ways is weighted by multiple importance sampling.
+//
+// The pieces are templates over the number type. Depth first, in this file, they follow one path to its end, through
+// surfaces and media; transport/wavefront.h lets them do a vertex of many paths at once, with the same bits.
 
 #include <array>
 
@@ -24,6 +31,22 @@ inline constexpr int longest_without_roulette = 4096;
 // losing much, it would be ruinous: paths that have lost nothing go on there.
 inline constexpr float highest_survival = 0.95f;
 
+// A path on its way, or one in each lane.
+template <class Float>
+struct PathState {
+    Ray<Float> ray;
+    RayCone<Float> cone;
+    Vec3<Float> from;           // the vertex that the path left last, or the camera
+    Float pdf = 1;              // of the ray's direction, and of coming as far as it has
+    BoolOf<Float> delta = true; // light sampling had no chance to find this direction
+    Rgb<Float> throughput{1};
+    Float eta = 1;                       // of the substance the ray is in, relative to the camera's
+    Float flight = 0;                    // decides what happens between two vertices
+    IntOf<Float> depth = 1;              // segments so far
+    IntOf<Float> block = 1;              // of the sampler's numbers
+    IntOf<Float> null_transmissions = 0; // surfaces that the path went straight through
+};
+
 struct Path {
     static constexpr const char *name = "path";
     static constexpr const char *doc = "Path tracing with light sampling and BSDF sampling.";
@@ -43,179 +66,256 @@ struct Path {
     }
 
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                      const CameraRay &camera) const {
+                      const CameraRay<float> &camera) const {
         return trace<Vacuum>(scene, tracer, sampler, camera);
     }
+    // Whether radiance() takes surfaces alone into account.
+    bool is_vacuum(const Scene &) const { return true; }
+
+    template <class Float>
+    static PathState<Float> start(const CameraRay<Float> &camera) {
+        PathState<Float> path{camera.ray, camera.cone, camera.ray.origin};
+        path.flight = camera.flight;
+        return path;
+    }
+
+    // Le of what the ray hit, weighted against sampling the light.
+    template <class Float>
+    Rgb<Float> emitted(const Scene &scene, const PathState<Float> &path, const Hit<Float> &hit) const {
+        const Rgb<Float> radiance = scene.lights().emitted(hit, -path.ray.direction);
+        Float light_pdf = 0;
+        if (!all(path.delta)) light_pdf = scene.lights().pdf_hit(path.from, hit, path.ray.direction);
+        return radiance * weight_of_hit(path, light_pdf);
+    }
+    // The same of light around the scene, for a ray that hit nothing.
+    template <class Float>
+    Rgb<Float> environment(const Scene &scene, const PathState<Float> &path) const {
+        const Rgb<Float> radiance = scene.lights().environment(path.ray.direction);
+        Float light_pdf = 0;
+        if (!all(path.delta)) light_pdf = scene.lights().pdf_environment(path.ray.direction);
+        return radiance * weight_of_hit(path, light_pdf);
+    }
+
+    // Whether a light's sample can add anything to a path.
+    template <class Float>
+    BoolOf<Float> counts(const DirectSample<Float> &light) const {
+        return light.pdf != 0.0f && (light.delta || BoolOf<Float>(strategy != Strategy::bsdf));
+    }
+    // What light from a sampled point adds to the radiance that a vertex scatters, if nothing is in between: f Le |cos|
+    // over the density, weighted against hitting the light by a path, which comes as far as it with probability `reach`.
+    template <class Float>
+    Rgb<Float> direct(const DirectSample<Float> &light, const BsdfEval<Float> &bsdf, Float reach) const {
+        const Float weight = weight_of_light(light, bsdf.pdf * reach);
+        return bsdf.f_cos * light.radiance * (weight / (light.pdf * sqr(bsdf.eta)));
+    }
+
+    // Lets a path go on from a surface in a sampled direction. Radiance over eta^2 is what stays constant along a ray
+    // that refracts (Veach 1997, section 5.2).
+    template <class Float>
+    static void scatter(const Scene &scene, const Hit<Float> &hit, const BsdfSample<Float> &sample,
+                        BoolOf<Float> sharp, PathState<Float> &path) {
+        path.throughput = path.throughput * sample.weight * (1 / sqr(sample.eta));
+        path.eta *= sample.eta;
+        path.from = hit.position;
+        path.pdf = sample.pdf;
+        path.delta = sharp || sample.delta;
+        path.ray = {leave(hit, sample.wi), sample.wi};
+        if (scene.reads_footprints())
+            path.cone = hit.footprint.scattered(hit.mean_curvature, sample.width, sample.eta);
+        path.depth += 1;
+    }
+    // Russian roulette on the throughput without its eta^2, so that entering glass does not make paths die; `highest`
+    // chance of survival. False where the path ends.
+    template <class Float>
+    BoolOf<Float> survives(const BounceSample<Float> &u, float highest, PathState<Float> &path) const {
+        path.flight = u.flight;
+        path.block += 1;
+        const auto plays = path.depth > std::min(rr_depth, longest_without_roulette);
+        if (!any(plays)) return true;
+        const auto late = path.depth > longest_without_roulette;
+        const Float limit = select(late, Float(std::min(highest, 0.999f)), Float(highest));
+        const Float survival = min(max_component(path.throughput) * sqr(path.eta), limit);
+        path.throughput = select(plays, path.throughput / survival, path.throughput);
+        return !plays || u.roulette < survival;
+    }
+
+    // A path as it is followed depth first; Medium is InMedia, or Vacuum.
+    template <class Medium>
+    struct Walk {
+        PathState<float> path;
+        Medium medium;
+        Spectrum radiance{0};
+    };
+    // What becomes of a path at the surface that its ray hit.
+    enum class Course { passed, scattered, ended };
+    template <class Medium>
+    Course visit(const Scene &scene, Tracer &tracer, const Sampler &sampler, const BounceSample<float> &u,
+                 const RayHit &found, Walk<Medium> &walk) const;
 
 protected:
     // What the first steps of `volpath` leave out.
     bool surfaces_scatter = true, media_scatter = true;
 
-    // The radiance along a camera ray; Medium is InMedia, or Vacuum.
+    // The radiance along a camera ray.
     template <class Medium>
-    Spectrum trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, const CameraRay &camera) const;
+    Spectrum trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                   const CameraRay<float> &camera) const;
 
 private:
-    // Where a ray came from: what the weight of a light that it hits depends on.
-    struct Departure {
-        Vec3f position;
-        float pdf;  // of this direction, and of coming as far as the ray has
-        bool delta; // light sampling had no chance to find this direction
-    };
-
     // The weight of radiance found by hitting a light that light sampling picks with density `light_pdf`.
-    float weight_of_hit(const Departure &from, float light_pdf) const;
+    template <class Float>
+    Float weight_of_hit(const PathState<Float> &path, Float light_pdf) const;
     // The weight of radiance found by sampling a light that the path itself hits with density `path_pdf`.
-    float weight_of_light(const DirectSample &light, float path_pdf) const;
+    template <class Float>
+    Float weight_of_light(const DirectSample<Float> &light, Float path_pdf) const;
 
     // Light that arrives at a vertex straight from a sampled point on a light, and is scattered along the
     // path.
     template <class Vertex, class Medium>
-    Spectrum direct(const Scene &scene, Tracer &tracer, const Vertex &vertex, const BounceSample &u,
-                    const Medium &medium) const;
-
-    // A path on its way.
-    template <class Medium>
-    struct Walk {
-        Ray ray;
-        RayCone cone;
-        Departure from;
-        float flight; // decides what happens between two vertices
-        Medium medium;
-        Spectrum radiance{0}, throughput{1};
-        float eta = 1;           // of the substance the ray is in, relative to the camera's
-        int depth = 1;           // segments so far
-        int passages = 0;        // surfaces that the path went straight through
-        std::uint32_t block = 1; // of the sampler's numbers
-    };
+    Spectrum direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex, const BounceSample<float> &u,
+                          const Medium &medium) const;
 
     // Follows the ray through the medium that it is in, up to what was found, and scatters the path where it
     // collides before.
-    enum class Course { passed, scattered, ended };
-    Course cross_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler, const BounceSample &u,
+    Course cross_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler, const BounceSample<float> &u,
                         const std::optional<RayHit> &found, Walk<InMedia> &walk) const;
     // Scatters the path at a surface; false where it ends.
     template <class Medium>
-    bool scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler, const BounceSample &u,
-                            const Hit &hit, Walk<Medium> &walk) const;
-    // After scattering: the numbers for what follows, and Russian roulette on the throughput without its
-    // eta^2, so that entering glass does not make paths die; `highest` chance of survival.
+    bool scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                            const BounceSample<float> &u, const Hit<float> &hit, Walk<Medium> &walk) const;
     template <class Medium>
-    bool goes_on(const Sampler &sampler, const BounceSample &u, float highest, Walk<Medium> &walk) const;
+    bool goes_on(const Sampler &sampler, const BounceSample<float> &u, float highest, Walk<Medium> &walk) const;
 };
 
 // Veach 1997, equation 9.13 with beta = 2, for one sample of each strategy.
-inline float power_heuristic(float pdf, float other_pdf) {
-    const float ratio = other_pdf / pdf;
+template <class Float>
+Float power_heuristic(Float pdf, Float other_pdf) {
+    const Float ratio = other_pdf / pdf;
     return 1 / (1 + ratio * ratio);
 }
 
-inline float Path::weight_of_hit(const Departure &from, float light_pdf) const {
-    if (from.delta || strategy == Strategy::bsdf) return 1;
-    if (strategy == Strategy::light) return light_pdf > 0 ? 0 : 1;
-    return power_heuristic(from.pdf, light_pdf);
+template <class Float>
+Float Path::weight_of_hit(const PathState<Float> &path, Float light_pdf) const {
+    if (strategy == Strategy::bsdf) return 1;
+    const Float shared = strategy == Strategy::light ? select(light_pdf > 0.0f, Float(0), Float(1))
+                                                     : power_heuristic(path.pdf, light_pdf);
+    return select(path.delta, Float(1), shared);
 }
 
-inline float Path::weight_of_light(const DirectSample &light, float path_pdf) const {
-    if (light.delta || strategy == Strategy::light) return 1;
-    return strategy == Strategy::bsdf ? 0 : power_heuristic(light.pdf, path_pdf);
+template <class Float>
+Float Path::weight_of_light(const DirectSample<Float> &light, Float path_pdf) const {
+    if (strategy == Strategy::light) return 1;
+    const Float shared = strategy == Strategy::bsdf ? Float(0) : power_heuristic(light.pdf, path_pdf);
+    return select(light.delta, Float(1), shared);
 }
 
 template <class Vertex, class Medium>
-Spectrum Path::direct(const Scene &scene, Tracer &tracer, const Vertex &vertex, const BounceSample &u,
-                      const Medium &medium) const {
+Spectrum Path::direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex, const BounceSample<float> &u,
+                            const Medium &medium) const {
     if (scene.lights().empty()) return Spectrum(0);
-    const DirectSample light = scene.lights().sample_direct(vertex.position(), u.light, u.light_uv);
-    if (light.pdf == 0 || (strategy == Strategy::bsdf && !light.delta)) return Spectrum(0);
-    const BsdfEval f = vertex.eval(light.wi);
+    const DirectSample<float> light = scene.lights().sample_direct(vertex.position(), u.light, u.light_uv);
+    if (!counts(light)) return Spectrum(0);
+    const BsdfEval<float> f = vertex.eval(light.wi);
     if (is_black(f.f_cos)) return Spectrum(0);
     const auto arrived = arrival(scene, tracer, vertex, light, medium);
     if (!arrived) return Spectrum(0);
-    const float weight = weight_of_light(light, f.pdf * medium.reach(*arrived));
-    return f.f_cos * light.radiance * arrived->value() * (weight / (light.pdf * sqr(f.eta)));
+    return direct(light, f, medium.reach(*arrived)) * arrived->value();
 }
 
 template <class Medium>
-bool Path::goes_on(const Sampler &sampler, const BounceSample &u, float highest, Walk<Medium> &walk) const {
-    walk.flight = u.flight;
-    walk.medium.next_flight(sampler, ++walk.block);
-    if (walk.depth <= std::min(rr_depth, longest_without_roulette)) return true;
-    if (walk.depth > longest_without_roulette) highest = std::min(highest, 0.999f);
-    const float survival = std::min(max_component(walk.throughput) * sqr(walk.eta), highest);
-    if (u.roulette >= survival) return false;
-    walk.throughput /= survival;
-    return true;
+bool Path::goes_on(const Sampler &sampler, const BounceSample<float> &u, float highest,
+                   Walk<Medium> &walk) const {
+    const bool result = survives(u, highest, walk.path);
+    walk.medium.next_flight(sampler, static_cast<std::uint32_t>(walk.path.block));
+    return result;
 }
 
 inline Path::Course Path::cross_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                                       const BounceSample &u, const std::optional<RayHit> &found,
+                                       const BounceSample<float> &u, const std::optional<RayHit> &found,
                                        Walk<InMedia> &walk) const {
-    Ray piece = walk.ray;
+    PathState<float> &path = walk.path;
+    Ray<float> piece = path.ray;
     piece.near = 0; // a camera's near plane hides surfaces, not the medium before it
     if (found) piece.far = found->distance;
-    const Flight flight = walk.medium.fly(scene, piece, walk.flight);
-    walk.radiance += walk.throughput * flight.emitted;
-    walk.throughput *= flight.weight;
-    walk.from.pdf *= flight.pdf;
-    if (is_black(walk.throughput) || (flight.collision && walk.depth == max_depth)) return Course::ended;
+    const Flight flight = walk.medium.fly(scene, piece, path.flight);
+    walk.radiance += path.throughput * flight.emitted;
+    path.throughput *= flight.weight;
+    path.pdf *= flight.pdf;
+    if (is_black(path.throughput) || (flight.collision && path.depth == max_depth)) return Course::ended;
     if (!flight.collision) return Course::passed;
 
     const MediumVertex vertex{*flight.collision, -piece.direction,
                               scene.media().phase(walk.medium.current, *flight.collision)};
-    walk.radiance +=
-        walk.throughput * direct(scene, tracer, vertex, u, walk.medium.for_shadow_ray(sampler, walk.block));
+    walk.radiance += path.throughput *
+                     direct_light(scene, tracer, vertex, u,
+                                  walk.medium.for_shadow_ray(sampler, static_cast<std::uint32_t>(path.block)));
     const PhaseSample scattered = vertex.phase.sample(vertex.wo, u.lobe, u.bsdf_uv);
-    walk.from = {vertex.point, scattered.pdf, false};
-    walk.ray = {vertex.point, scattered.wi};
-    walk.cone = walk.cone.at(length(vertex.point - piece.origin)).scattered(0, 1, 1);
-    ++walk.depth;
+    path.from = vertex.point;
+    path.pdf = scattered.pdf;
+    path.delta = false;
+    path.ray = {vertex.point, scattered.wi};
+    path.cone = path.cone.at(length(vertex.point - piece.origin)).scattered(0, 1, 1);
+    ++path.depth;
     return Course::scattered;
 }
 
 template <class Medium>
 bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                              const BounceSample &u, const Hit &hit, Walk<Medium> &walk) const {
-    const Surface surface = scene.surface(hit, -walk.ray.direction, walk.flight);
-    scene.for_each_surface(hit, -walk.ray.direction, surface, [&](const Surface &each, float share) {
+                              const BounceSample<float> &u, const Hit<float> &hit, Walk<Medium> &walk) const {
+    PathState<float> &path = walk.path;
+    const Vec3f wo = -path.ray.direction;
+    const AnySurface surface = scene.surface(hit, wo, path.flight);
+    scene.for_each_surface(hit, wo, surface, [&](const AnySurface &each, float share) {
         if (!each.black && !each.sharp)
-            walk.radiance += walk.throughput * share *
-                             direct(scene, tracer, SurfaceVertex{hit, each}, u,
-                                    walk.medium.for_shadow_ray(sampler, walk.block));
+            walk.radiance +=
+                path.throughput * share *
+                direct_light(scene, tracer, SurfaceVertex{hit, each}, u,
+                             walk.medium.for_shadow_ray(sampler, static_cast<std::uint32_t>(path.block)));
     });
     if (surface.black) return false;
 
-    const auto scattered = sample(surface, u.lobe, u.bsdf_uv);
-    if (!scattered) return false;
-    // Radiance over eta^2 is what stays constant along a ray that refracts (Veach 1997, section 5.2).
-    walk.throughput *= scattered->weight;
-    if (scattered->eta != 1) {
-        walk.throughput /= sqr(scattered->eta);
-        walk.eta *= scattered->eta;
-    }
-    walk.from = {hit.position, scattered->pdf, surface.sharp || scattered->is_delta()};
-    walk.ray.direction = scattered->wi;
-    walk.ray.origin = leave(hit, walk.ray.direction);
-    walk.ray.near = 0;
-    walk.ray.far = infinity;
-    walk.medium.cross(hit, walk.ray.direction);
-    if (scene.reads_footprints())
-        walk.cone = hit.footprint.scattered(hit.mean_curvature, scattered->width(), scattered->eta);
-    ++walk.depth;
+    const BsdfSample<float> sample = surface.sample(u.lobe, u.bsdf_uv);
+    if (!sample.valid) return false;
+    scatter(scene, hit, sample, surface.sharp, path);
+    walk.medium.cross(hit, path.ray.direction);
     return true;
 }
 
 template <class Medium>
+Path::Course Path::visit(const Scene &scene, Tracer &tracer, const Sampler &sampler, const BounceSample<float> &u,
+                         const RayHit &found, Walk<Medium> &walk) const {
+    PathState<float> &path = walk.path;
+    const Hit<float> hit = scene.hit(path.ray, found, path.cone, scene.needs());
+    const bool hidden = hide_emitters && path.depth == 1 && hit.emitter >= 0;
+    if (hit.emitter >= 0 && !hidden) walk.radiance += path.throughput * emitted(scene, path, hit);
+
+    const NullTransmission<float> through = null_transmission_at(scene, hit, path.ray.direction, hidden);
+    if (passes(through.probability, path.flight)) {
+        if (++path.null_transmissions > max_null_transmissions) return Course::ended;
+        path.throughput *= through.transmittance / through.probability;
+        path.pdf *= through.probability;
+        path.ray = {leave(hit, path.ray.direction), path.ray.direction, 0, path.ray.far - hit.distance};
+        path.cone = hit.footprint;
+        walk.medium.cross(hit, path.ray.direction);
+        return Course::passed;
+    }
+    if (path.depth == max_depth || !surfaces_scatter) return Course::ended;
+    if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return Course::ended;
+    if (!is_finite(path.throughput)) [[unlikely]] {
+        walk.radiance = path.throughput; // whoever takes the sample counts it
+        return Course::ended;
+    }
+    return goes_on(sampler, u, highest_survival, walk) ? Course::scattered : Course::ended;
+}
+
+template <class Medium>
 Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                     const CameraRay &camera) const {
-    Walk<Medium> walk{camera.ray,
-                      camera.cone,
-                      {camera.ray.origin, 1, true},
-                      camera.flight,
-                      Medium(scene, camera, sampler, media_scatter)};
-    while (walk.depth <= max_depth || max_depth < 0) {
+                     const CameraRay<float> &camera) const {
+    Walk<Medium> walk{start(camera), Medium(scene, camera, sampler, media_scatter)};
+    while (walk.path.depth <= max_depth || max_depth < 0) {
         // Drawn before the ray is traced: the processor computes both at once.
-        const BounceSample u = sampler.bounce(walk.block);
-        const auto found = tracer.closest(walk.ray);
+        const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(walk.path.block));
+        const auto found = tracer.closest(walk.path.ray);
         if constexpr (Medium::present)
             if (walk.medium.current >= 0) {
                 const Course course = cross_medium(scene, tracer, sampler, u, found, walk);
@@ -223,37 +323,11 @@ Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                 if (course != Course::passed) break;
             }
         if (!found) {
-            if (walk.depth > 1 || !hide_emitters)
-                walk.radiance +=
-                    walk.throughput * scene.lights().environment(walk.ray.direction) *
-                    weight_of_hit(walk.from,
-                                  walk.from.delta ? 0 : scene.lights().pdf_environment(walk.ray.direction));
+            if (walk.path.depth > 1 || !hide_emitters)
+                walk.radiance += walk.path.throughput * environment(scene, walk.path);
             break;
         }
-        const Hit hit = scene.hit(walk.ray, *found, walk.cone);
-        const bool hidden = hide_emitters && walk.depth == 1 && hit.emitter >= 0;
-        if (hit.emitter >= 0 && !hidden)
-            walk.radiance +=
-                walk.throughput * scene.lights().emitted(hit, -walk.ray.direction) *
-                weight_of_hit(walk.from, walk.from.delta ? 0
-                                                         : scene.lights().pdf_hit(walk.from.position, hit,
-                                                                                  walk.ray.direction));
-
-        const Passage passage = passage_at(scene, hit, walk.ray.direction, hidden);
-        if (passes(passage.probability, walk.flight)) {
-            if (++walk.passages > max_passages) break;
-            walk.throughput *= passage.transmitted / passage.probability;
-            walk.from.pdf *= passage.probability;
-            walk.ray = {leave(hit, walk.ray.direction), walk.ray.direction, 0, walk.ray.far - hit.distance};
-            walk.cone = hit.footprint;
-            walk.medium.cross(hit, walk.ray.direction);
-            continue;
-        }
-        if (walk.depth == max_depth || !surfaces_scatter) break;
-        if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) break;
-        if (!is_finite(walk.throughput)) [[unlikely]]
-            return walk.throughput; // whoever takes the sample counts it
-        if (!goes_on(sampler, u, highest_survival, walk)) break;
+        if (visit(scene, tracer, sampler, u, *found, walk) == Course::ended) break;
     }
     return walk.radiance;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
@@ -12,6 +13,7 @@
 #endif
 
 #include "transport/coverage.h"
+#include "transport/wavefront.h"
 
 namespace lajolla {
 
@@ -61,25 +63,8 @@ void for_each_tile(const std::vector<Tile> &tiles, int threads, F &&f) {
     tbb::task_arena(threads).execute(run);
 }
 
-// A camera ray, and what its place under the pixel filter counts.
-struct FilmSample {
-    CameraRay camera;
-    float weight;
-};
-
-FilmSample sample_film(const Scene &scene, const Sampler &sampler, SampleId id) {
-    const Film &film = scene.film();
-    const CameraSample u = sampler.camera();
-    const auto offset = scene.filter().sample(u.film);
-    const Vec2f position{(static_cast<float>(id.x) + 0.5f + offset.offset.x) / static_cast<float>(film.width),
-                         (static_cast<float>(id.y) + 0.5f + offset.offset.y) /
-                             static_cast<float>(film.height)};
-    FilmSample result{scene.camera_ray(position, u.lens), offset.weight};
-    result.camera.flight = u.flight;
-    result.camera.channel = u.channel;
-    result.camera.film = position;
-    result.camera.lens = u.lens;
-    return result;
+FilmSample<float> film_sample(const Scene &scene, const Sampler &sampler, const SampleId &id) {
+    return sample_film(scene, sampler.camera(), static_cast<float>(id.x), static_cast<float>(id.y));
 }
 
 // Linear sRGB to CIE XYZ (IEC 61966-2-1).
@@ -89,7 +74,7 @@ Spectrum to_xyz(Spectrum c) {
 }
 
 // The alpha of what an integrator shows: those that show surfaces instead of light look through nothing.
-float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sampler, const CameraRay &camera,
+float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sampler, const CameraRay<float> &camera,
             Tracer &tracer) {
     return match(integrator, [&](const auto &model) {
         if constexpr (requires { model.version; })
@@ -109,7 +94,7 @@ public:
         : output_(output), colours_(1 + output.others.size()), values_(output.channels.size()) {}
 
     // `picture` is what the picture's integrator found along the camera ray.
-    std::span<const float> record(const Scene &scene, const Sampler &sampler, const CameraRay &camera,
+    std::span<const float> record(const Scene &scene, const Sampler &sampler, const CameraRay<float> &camera,
                                   Spectrum picture, Tracer &tracer) {
         colours_[0] = picture;
         for (std::size_t i = 0; i < output_.others.size(); ++i)
@@ -143,40 +128,125 @@ private:
     std::vector<float> values_;
 };
 
-// Renders one tile; false where the job was cancelled meanwhile. `integrator` is the output's.
-template <class Model>
-bool render_tile(const Scene &scene, const Model &integrator, const Output &output, const Job &job,
-                 const Tile &tile, std::span<double> sums, Progress &progress, Tracer &tracer,
-                 Report &report) {
-    const Film &film = scene.film();
-    ChannelRecorder recorder(output);
-    for (int y = tile.y0; y < tile.y1; ++y)
-        for (int x = tile.x0; x < tile.x1; ++x) {
-            const auto pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(film.crop_width) +
-                               static_cast<std::size_t>(x);
-            double *sum = &sums[output.channel_count() * pixel];
-            for (std::uint32_t i = 0; i < job.count; ++i) {
-                if (progress.cancelled.load(std::memory_order_relaxed)) return false;
-                const SampleId id{static_cast<std::uint32_t>(film.crop_offset_x + x),
-                                  static_cast<std::uint32_t>(film.crop_offset_y + y), job.first + i};
-                const Sampler sampler(job.sequence, job.seed, id.x, id.y, id.index);
-                const auto [camera, weight] = sample_film(scene, sampler, id);
-                const Spectrum value = integrator.radiance(scene, tracer, sampler, camera);
-                std::span<const float> rest;
-                if (!output.channels.empty()) rest = recorder.record(scene, sampler, camera, value, tracer);
-                if (!is_finite(value) || !std::ranges::all_of(rest, [](float v) { return std::isfinite(v); }))
-                    [[unlikely]] {
-                    ++report.nonfinite;
-                    if (report.nonfinite_samples.size() < Report::kept_samples)
-                        report.nonfinite_samples.push_back(id);
-                    continue;
-                }
-                sum[0] += value.x * weight, sum[1] += value.y * weight, sum[2] += value.z * weight;
-                for (std::size_t c = 0; c < rest.size(); ++c) sum[3 + c] += rest[c] * weight;
-            }
-            progress.pixels.fetch_add(1, std::memory_order_relaxed);
+// Takes the samples of one tile, pixel by pixel, and adds them to the sums.
+class TileAccumulator {
+public:
+    TileAccumulator(const Scene &scene, const Output &output, std::span<double> sums, Tracer &tracer, Report &report)
+        : scene_(scene), output_(output), recorder_(output), sums_(sums), tracer_(tracer), report_(report) {}
+
+    void add(const SampleId &id, const Sampler &sampler, const CameraRay<float> &camera, const Spectrum &value,
+             float weight) {
+        std::span<const float> rest;
+        if (!output_.channels.empty()) rest = recorder_.record(scene_, sampler, camera, value, tracer_);
+        if (!is_finite(value) || !std::ranges::all_of(rest, [](float v) { return std::isfinite(v); }))
+            [[unlikely]] {
+            ++report_.nonfinite;
+            if (report_.nonfinite_samples.size() < Report::kept_samples) report_.nonfinite_samples.push_back(id);
+            return;
         }
-    return true;
+        const Film &film = scene_.film();
+        const std::size_t x = id.x - static_cast<std::uint32_t>(film.crop_offset_x),
+                          y = id.y - static_cast<std::uint32_t>(film.crop_offset_y);
+        double *sum = &sums_[output_.channel_count() * (y * static_cast<std::size_t>(film.crop_width) + x)];
+        sum[0] += value.x * weight, sum[1] += value.y * weight, sum[2] += value.z * weight;
+        for (std::size_t c = 0; c < rest.size(); ++c) sum[3 + c] += rest[c] * weight;
+    }
+
+private:
+    const Scene &scene_;
+    const Output &output_;
+    ChannelRecorder recorder_;
+    std::span<double> sums_;
+    Tracer &tracer_;
+    Report &report_;
+};
+
+// The samples of a tile in order: all of a pixel, then those of the next.
+class TileSamples {
+public:
+    TileSamples(const Film &film, const Tile &tile, const Job &job) : film_(film), tile_(tile), job_(job) {}
+
+    std::uint64_t size() const {
+        return static_cast<std::uint64_t>(tile_.x1 - tile_.x0) * static_cast<std::uint64_t>(tile_.y1 - tile_.y0) *
+               job_.count;
+    }
+    SampleId operator[](std::uint64_t i) const {
+        const auto pixel = static_cast<int>(i / job_.count), width = tile_.x1 - tile_.x0;
+        return {static_cast<std::uint32_t>(film_.crop_offset_x + tile_.x0 + pixel % width),
+                static_cast<std::uint32_t>(film_.crop_offset_y + tile_.y0 + pixel / width),
+                job_.first + static_cast<std::uint32_t>(i % job_.count)};
+    }
+
+private:
+    const Film &film_;
+    const Tile &tile_;
+    const Job &job_;
+};
+
+// Depth first, one path after the other. Stops where the job is cancelled.
+template <class Model>
+void render_one_by_one(const Scene &scene, const Model &integrator, const TileSamples &samples, const Job &job,
+                       Progress &progress, Tracer &tracer, TileAccumulator &sums) {
+    for (std::uint64_t i = 0; i < samples.size(); ++i) {
+        if (progress.cancelled.load(std::memory_order_relaxed)) return;
+        const SampleId id = samples[i];
+        const Sampler sampler(job.sequence, job.seed, id.x, id.y, id.index);
+        const auto [camera, weight] = film_sample(scene, sampler, id);
+        sums.add(id, sampler, camera, integrator.radiance(scene, tracer, sampler, camera), weight);
+        if ((i + 1) % job.count == 0) progress.pixels.fetch_add(1, std::memory_order_relaxed);
+    }
+}
+
+// Many at a time.
+void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &output, const TileSamples &samples,
+                     const Job &job, Progress &progress, Tracer &tracer, TileAccumulator &sums) {
+    std::array<SampleId, Wavefront::capacity> ids;
+    std::array<Spectrum, Wavefront::capacity> radiance;
+    std::array<float, Wavefront::capacity> weights;
+    for (std::uint64_t first = 0; first < samples.size(); first += Wavefront::capacity) {
+        if (progress.cancelled.load(std::memory_order_relaxed)) return;
+        const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(samples.size() - first, Wavefront::capacity));
+        for (std::size_t i = 0; i < count; ++i) ids[i] = samples[first + i];
+        wavefront.render(std::span(ids).first(count), job.sequence, job.seed, tracer, radiance, weights);
+        for (std::size_t i = 0; i < count; ++i) {
+            const Sampler sampler(job.sequence, job.seed, ids[i].x, ids[i].y, ids[i].index);
+            CameraRay<float> camera; // for the channels beside the picture
+            if (!output.channels.empty()) camera = film_sample(scene, sampler, ids[i]).camera;
+            sums.add(ids[i], sampler, camera, radiance[i], weights[i]);
+        }
+        progress.pixels.fetch_add((first + count) / job.count - first / job.count, std::memory_order_relaxed);
+    }
+}
+
+// Renders all tiles; their rays go to `recording` where there is one.
+std::vector<Report> render_tiles(const Scene &scene, const Output &output, const Job &job, std::span<double> sums,
+                                 Progress &progress, Recording *recording) {
+    const auto tiles = tiles_of(scene.film());
+    std::vector<Report> reports(tiles.size());
+    if (recording) recording->resize(tiles.size());
+    const auto tile_with = [&](std::size_t i, auto &&render) {
+        Tracer tracer(scene.accel(), recording ? &(*recording)[i] : nullptr);
+        TileAccumulator accumulator(scene, output, sums, tracer, reports[i]);
+        render(TileSamples(scene.film(), tiles[i], job), tracer, accumulator);
+        reports[i].rays = tracer.rays();
+    };
+    match(output.integrator, [&](const auto &model) {
+        if constexpr (std::is_base_of_v<Path, std::decay_t<decltype(model)>>)
+            if (!job.one_lane && model.is_vacuum(scene)) {
+                tbb::enumerable_thread_specific<Wavefront> wavefronts([&] { return Wavefront(scene, model); });
+                return for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &) {
+                    tile_with(i, [&](const TileSamples &samples, Tracer &tracer, TileAccumulator &accumulator) {
+                        render_in_lanes(scene, wavefronts.local(), output, samples, job, progress, tracer, accumulator);
+                    });
+                });
+            }
+        for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &) {
+            tile_with(i, [&](const TileSamples &samples, Tracer &tracer, TileAccumulator &accumulator) {
+                render_one_by_one(scene, model, samples, job, progress, tracer, accumulator);
+            });
+        });
+    });
+    return reports;
 }
 
 Report merged(const std::vector<Report> &reports) {
@@ -197,39 +267,24 @@ Spectrum sample_radiance(const Scene &scene, const Integrator &integrator, Seque
                          std::uint32_t seed, SampleId id, Tracer &tracer) {
     const FlushToZero guard;
     const Sampler sampler(sequence, seed, id.x, id.y, id.index);
-    const auto [camera, weight] = sample_film(scene, sampler, id);
+    const auto [camera, weight] = film_sample(scene, sampler, id);
     return weight * match(integrator,
                           [&](const auto &model) { return model.radiance(scene, tracer, sampler, camera); });
 }
 
 std::optional<Report> render(const Scene &scene, const Output &output, const Job &job, std::span<double> sums,
                              Progress &progress) {
-    const auto tiles = tiles_of(scene.film());
-    std::vector<Report> reports(tiles.size());
-    match(output.integrator, [&](const auto &model) {
-        for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &tile) {
-            Tracer tracer(scene.accel());
-            render_tile(scene, model, output, job, tile, sums, progress, tracer, reports[i]);
-            reports[i].rays = tracer.rays();
-        });
-    });
+    const auto reports = render_tiles(scene, output, job, sums, progress, nullptr);
     if (progress.cancelled) return std::nullopt;
     return merged(reports);
 }
 
 Recording record(const Scene &scene, const Output &output, const Job &job) {
-    const auto tiles = tiles_of(scene.film());
-    Recording recording(tiles.size());
     std::vector<double> sums(output.channel_count() * static_cast<std::size_t>(scene.film().crop_width) *
                              static_cast<std::size_t>(scene.film().crop_height));
     Progress progress;
-    match(output.integrator, [&](const auto &model) {
-        for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &tile) {
-            Tracer tracer(scene.accel(), &recording[i]);
-            Report report;
-            render_tile(scene, model, output, job, tile, sums, progress, tracer, report);
-        });
-    });
+    Recording recording;
+    render_tiles(scene, output, job, sums, progress, &recording);
     return recording;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "transport/ao.h"
+#include "transport/camera_sample.h"
 #include "transport/direct.h"
 #include "transport/first_hit.h"
 #include "transport/path.h"
@@ -48,17 +49,13 @@ struct Output {
     std::size_t channel_count() const { return 3 + channels.size(); }
 };
 
-// One sample of one pixel; pixels count over the whole film.
-struct SampleId {
-    std::uint32_t x, y, index;
-};
-
 // Which samples to take.
 struct Job {
     SequenceKind sequence;
     std::uint32_t seed;
     std::uint32_t first, count; // sample indices of every pixel
     int threads;                // 0: as many as the machine has
+    bool one_lane = false;      // follow one path after the other, for the same picture
 };
 
 // What rendering reports besides the picture.

@@ -6,15 +6,19 @@
 
 namespace lajolla {
 
-struct SurfaceVertex {
-    const Hit &hit;
-    const Surface &surface;
+struct SurfacePoint {
+    const Hit<float> &hit;
 
     const Vec3f &position() const { return hit.position; }
     float position_error() const { return hit.position_error; }
     Vec3f leave(const Vec3f &wi) const { return lajolla::leave(hit, wi); }
     void enter(auto &medium, const Vec3f &wi) const { medium.cross(hit, wi); }
-    BsdfEval eval(const Vec3f &wi) const { return lajolla::eval(surface, wi); }
+};
+
+struct SurfaceVertex : SurfacePoint {
+    const AnySurface &surface;
+
+    BsdfEval<float> eval(const Vec3f &wi) const { return surface.eval(wi); }
 };
 
 struct MediumVertex {
@@ -25,7 +29,7 @@ struct MediumVertex {
     float position_error() const { return lajolla::position_error(max_component(abs(point))); }
     const Vec3f &leave(const Vec3f &) const { return point; }
     void enter(const auto &, const Vec3f &) const {}
-    BsdfEval eval(const Vec3f &wi) const {
+    BsdfEval<float> eval(const Vec3f &wi) const {
         const float value = phase.eval(wo, wi);
         return {Spectrum(value), value};
     }

@@ -30,10 +30,11 @@ struct VolPath : Path {
     }
 
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                      const CameraRay &camera) const {
-        if (scene.media().empty() && surfaces_scatter) return trace<Vacuum>(scene, tracer, sampler, camera);
+                      const CameraRay<float> &camera) const {
+        if (is_vacuum(scene)) return trace<Vacuum>(scene, tracer, sampler, camera);
         return trace<InMedia>(scene, tracer, sampler, camera);
     }
+    bool is_vacuum(const Scene &scene) const { return scene.media().empty() && surfaces_scatter; }
 };
 
 } // namespace lajolla

@@ -7,9 +7,20 @@ image = scene.render(seed=1)
 image.save("scene.exr")
 """
 
-from lajolla.image import Image, ImageError, ImageWarning
-from lajolla.render import OptionError, Progress, Rendering, Scene, load, load_dict
-from lajolla.scene import SceneError
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lajolla import _core as _core
+    from lajolla import catalog as catalog
+    from lajolla import film as film
+    from lajolla import image as image
+    from lajolla import render as render
+    from lajolla import scene as scene
+    from lajolla import survey as survey
+    from lajolla.image import Image, ImageError, ImageWarning
+    from lajolla.render import OptionError, Progress, Rendering, Scene, load, load_dict
+    from lajolla.scene import SceneError
 
 __all__ = [
     "Image",
@@ -23,3 +34,23 @@ __all__ = [
     "load",
     "load_dict",
 ]
+
+# Modules and names are imported when they are first used: `lajolla --help` does without NumPy and the core.
+_MODULES = ("_core", "catalog", "film", "image", "render", "scene", "survey")
+_HOMES = {
+    **dict.fromkeys(("Image", "ImageError", "ImageWarning"), "image"),
+    **dict.fromkeys(("OptionError", "Progress", "Rendering", "Scene", "load", "load_dict"), "render"),
+    "SceneError": "scene",
+}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401
+    if name in _MODULES:
+        return import_module(f"lajolla.{name}")
+    if name in _HOMES:
+        return getattr(import_module(f"lajolla.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'lajolla' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_MODULES, *_HOMES})

@@ -4,7 +4,6 @@ import argparse
 import difflib
 import shlex
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -29,6 +28,16 @@ class Parser(argparse.ArgumentParser):
         near = difflib.get_close_matches(words[0].partition("=")[0], options, n=1)
         kind = "option" if words[0].startswith("-") else "argument"
         self.error(f"unknown {kind} {words[0]!r}" + (f"; did you mean {near[0]}?" if near else ""))
+
+
+class Version(argparse.Action):
+    """Prints the version and ends the program."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *rest: object) -> NoReturn:
+        from importlib.metadata import version  # takes as long as all else that --help needs
+
+        print("lajolla", version("lajolla"))
+        parser.exit()
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
@@ -63,7 +72,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
         description="A physically based renderer that opens Mitsuba scenes.",
         epilog="In a checkout of the source code, './lajolla test [PYTEST OPTIONS]' runs the tests.",
     )
-    parser.add_argument("--version", action="version", version=f"lajolla {version('lajolla')}")
+    parser.add_argument("--version", action=Version, nargs=0, help="show program's version number and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     adders: dict[str, tuple[str, Callable[[Parser], None]]] = {
         "render": ("render a scene", _add_render),

@@ -3,11 +3,10 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from lajolla import _core
 from lajolla.render import OptionError, suggestion
-from lajolla.scene import plugins
+from lajolla.scene import core_schema, plugins
 
-Catalog = dict[str, dict[str, dict[str, Any]]]
+Catalog = dict[str, dict[str, Mapping[str, Any]]]
 
 
 def catalog() -> Catalog:
@@ -16,7 +15,7 @@ def catalog() -> Catalog:
     Where both have a name, the reader's counts: it is what scene files see.
     """
     merged: Catalog = {
-        kind: dict(models) for kind, models in _core.schema().items() if kind != "adapter"
+        kind: dict(models) for kind, models in core_schema().items() if kind != "adapter"
     }  # adapters are bsdfs in scene files
     for kind, models in plugins().items():
         merged.setdefault(kind, {}).update(models)

@@ -4,6 +4,8 @@ Results go to standard output, everything else to standard error. Every error of
 exit code 1; an interrupted render ends with 128 + the signal's number, as in a shell.
 """
 
+from __future__ import annotations
+
 import argparse
 import json
 import os
@@ -17,13 +19,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn, TextIO
 
-from lajolla import _core, image
+import lajolla  # its modules are loaded when they are first used, which no --help does
 from lajolla.arguments import UsageError, parse, replay_command
-from lajolla.catalog import listing
 from lajolla.display import progress_display, rate, say, size_in_memory
-from lajolla.render import OptionError, Rendering, Scene, load
-from lajolla.scene import SceneError, export
-from lajolla.survey import survey, table
 
 
 class Terminated(KeyboardInterrupt):
@@ -34,13 +32,8 @@ def main(words: Sequence[str] | None = None) -> int:
     """Runs one command line (by default the process's own) and returns its exit code."""
     signal.signal(signal.SIGTERM, _terminate)
     try:
-        arguments = parse(sys.argv[1:] if words is None else words)
-        code = COMMANDS[arguments.command](arguments)
-        sys.stdout.flush()
-        return code
-    except SceneError as error:
-        print(error, file=sys.stderr)
-    except (UsageError, OptionError, image.ImageError, _core.DescriptionError) as error:
+        return _run_command(parse(sys.argv[1:] if words is None else words))
+    except UsageError as error:
         say(f"error: {error}")
     except MemoryError:
         say("error: not enough memory")
@@ -54,6 +47,22 @@ def main(words: Sequence[str] | None = None) -> int:
     return 1
 
 
+def _run_command(arguments: argparse.Namespace) -> int:
+    """Runs a command; what is wrong with a scene, an option or a picture is told."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy would start threads that spin for nothing
+    # This loads the renderer, outside of the block whose handlers need it: the user may interrupt already.
+    refusals = (lajolla.OptionError, lajolla.ImageError, lajolla._core.DescriptionError)
+    try:
+        code = COMMANDS[arguments.command](arguments)
+        sys.stdout.flush()
+        return code
+    except lajolla.SceneError as error:
+        print(error, file=sys.stderr)
+    except refusals as error:
+        say(f"error: {error}")
+    return 1
+
+
 def _terminate(signum: int, frame: FrameType | None) -> NoReturn:
     raise Terminated
 
@@ -62,8 +71,9 @@ def _exit_code(interrupt: KeyboardInterrupt) -> int:
     return 128 + (signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
 
 
-def open_scene(arguments: argparse.Namespace, path: Path | None = None) -> Scene:
-    return load(
+def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Scene:
+    """Opens the scene of a command line, or another one with its options."""
+    return lajolla.load(
         path or arguments.scene,
         parameters=dict(arguments.parameters),
         strict=arguments.strict,
@@ -84,10 +94,10 @@ def command_render(arguments: argparse.Namespace) -> int:
     outputs = list(dict.fromkeys(arguments.outputs or []))
     if arguments.pixel is None:  # what would fail after hours of rendering fails now
         for output in outputs:
-            image.check_output(output)
+            lajolla.image.check_output(output)
         if arguments.stats is not None and not _is_device(arguments.stats):
-            image.check_folder(arguments.stats)
-    scene = open_scene(arguments)
+            lajolla.image.check_folder(arguments.stats)
+    scene = load(arguments)
     for warning in scene.warnings:
         print(warning, file=sys.stderr)
     if arguments.pixel is not None:
@@ -95,10 +105,11 @@ def command_render(arguments: argparse.Namespace) -> int:
         return 0
     outputs = outputs or [Path(arguments.scene.stem + ending) for ending in scene.film.endings]
     for output in outputs:
-        image.check_output(output)
-        image.check_space(output, scene.width, scene.height, 3 + len(scene.core.channels))
-    if scene.core.channels and not any(output.suffix.lower() in image.HOLD_CHANNELS for output in outputs):
-        say(f"warning: only {' and '.join(image.HOLD_CHANNELS)} files hold all channels of this scene")
+        lajolla.image.check_output(output)
+        lajolla.image.check_space(output, scene.width, scene.height, 3 + len(scene.core.channels))
+    holding = lajolla.image.HOLD_CHANNELS
+    if scene.core.channels and not any(output.suffix.lower() in holding for output in outputs):
+        say(f"warning: only {' and '.join(holding)} files hold all channels of this scene")
     rendering = scene.rendering(threads=arguments.threads)
     interrupt = _run(rendering, scene, quiet=arguments.quiet)
     if rendering.samples == 0 and interrupt is not None:
@@ -116,7 +127,7 @@ def command_render(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _run(rendering: Rendering, scene: Scene, *, quiet: bool) -> KeyboardInterrupt | None:
+def _run(rendering: lajolla.Rendering, scene: lajolla.Scene, *, quiet: bool) -> KeyboardInterrupt | None:
     """Renders to the end, or until the interrupt that it returns."""
     try:
         with progress_display(pixels=scene.width * scene.height, quiet=quiet) as observe:
@@ -126,17 +137,17 @@ def _run(rendering: Rendering, scene: Scene, *, quiet: bool) -> KeyboardInterrup
     return None
 
 
-def _write_outputs(outputs: Sequence[Path], picture: image.Image, arguments: argparse.Namespace) -> None:
+def _write_outputs(outputs: Sequence[Path], picture: lajolla.Image, arguments: argparse.Namespace) -> None:
     """Writes all that can be written, then raises the first error."""
     errors = []
     if arguments.tonemap is not None:
         picture.film = replace(picture.film, tonemap_method=arguments.tonemap)
     with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always", image.ImageWarning)
+        warnings.simplefilter("always", lajolla.image.ImageWarning)
         for output in outputs:
             try:
                 picture.save(output, exposure=arguments.exposure, half=arguments.half)
-            except image.ImageError as error:
+            except lajolla.image.ImageError as error:
                 errors.append(error)
     for warning in told:
         say(f"warning: {warning.message}")
@@ -144,7 +155,7 @@ def _write_outputs(outputs: Sequence[Path], picture: image.Image, arguments: arg
         raise errors[0]
 
 
-def _summary(scene: Scene, rendering: Rendering) -> str:
+def _summary(scene: lajolla.Scene, rendering: lajolla.Rendering) -> str:
     stats = statistics(scene, rendering)
     return (
         f"{rendering.samples} samples per pixel in {rendering.seconds:.1f} s, "
@@ -152,7 +163,7 @@ def _summary(scene: Scene, rendering: Rendering) -> str:
     )
 
 
-def _report_nonfinite(rendering: Rendering, arguments: argparse.Namespace) -> None:
+def _report_nonfinite(rendering: lajolla.Rendering, arguments: argparse.Namespace) -> None:
     count = rendering.accumulator.nonfinite
     if count == 0:
         return
@@ -161,7 +172,7 @@ def _report_nonfinite(rendering: Rendering, arguments: argparse.Namespace) -> No
     say(f"the first is sample {sample} of pixel {x},{y}: {replay_command(arguments, x, y, sample)}")
 
 
-def statistics(scene: Scene, rendering: Rendering) -> dict[str, Any]:
+def statistics(scene: lajolla.Scene, rendering: lajolla.Rendering) -> dict[str, Any]:
     """What --stats writes; `samples` counts camera paths, in all pixels together."""
     samples = rendering.samples * scene.width * scene.height
     seconds = max(rendering.seconds, 1e-9)
@@ -198,7 +209,7 @@ def _write_stats(path: Path, stats: dict[str, Any]) -> None:
     elif _is_device(path):
         path.write_text(text)
     else:
-        with image.replacing(path) as temporary:
+        with lajolla.image.replacing(path) as temporary:
             temporary.write_text(text)
 
 
@@ -209,9 +220,9 @@ def command_convert(arguments: argparse.Namespace) -> int:
     target: Path = arguments.target
     if target.exists() and arguments.scene.exists() and target.samefile(arguments.scene):
         raise UsageError(f"{target} is the scene itself; name another file to write")
-    image.check_folder(target)
+    lajolla.image.check_folder(target)
     parameters = dict(arguments.parameters)
-    result = export(
+    result = lajolla.scene.export(
         arguments.scene, target, parameters=parameters, strict=arguments.strict, pack=arguments.pack
     )
     for warning in result.warnings:
@@ -220,11 +231,11 @@ def command_convert(arguments: argparse.Namespace) -> int:
         path = target.parent / name
         path.parent.mkdir(exist_ok=True)
         if isinstance(content, bytes):
-            with image.replacing(path) as temporary:
+            with lajolla.image.replacing(path) as temporary:
                 temporary.write_bytes(content)
         else:
-            image.write(path, content)
-    with image.replacing(target) as temporary:
+            lajolla.image.write(path, content)
+    with lajolla.image.replacing(target) as temporary:
         temporary.write_text(result.text, encoding="utf-8")
     count = len(result.files)
     files = f" and {count} file{'s' if count > 1 else ''} in {target.stem}-files" if count else ""
@@ -235,7 +246,7 @@ def command_convert(arguments: argparse.Namespace) -> int:
 def command_check(arguments: argparse.Namespace) -> int:
     if arguments.all:
         return _check_all(arguments)
-    scene = open_scene(arguments)
+    scene = load(arguments)
     summary = dict(scene.core.summary())
     facts = {"picture": f"{scene.width} x {scene.height}, {scene.core.sample_count} samples per pixel"}
     if "bytes" in summary:
@@ -253,19 +264,19 @@ def command_check(arguments: argparse.Namespace) -> int:
 def _check_all(arguments: argparse.Namespace) -> int:
     if not arguments.scene.is_dir():
         raise UsageError(f"{arguments.scene} is no folder; --all opens every scene below a folder")
-    findings = survey(arguments.scene, lambda path: open_scene(arguments, path))
-    for line in table(arguments.scene, findings):
+    findings = lajolla.survey.survey(arguments.scene, lambda path: load(arguments, path))
+    for line in lajolla.survey.table(arguments.scene, findings):
         print(line)
     return 1 if any(finding.error for finding in findings) else 0
 
 
 def command_compare(arguments: argparse.Namespace) -> int:
     if arguments.diff is not None:
-        image.check_output(arguments.diff)
-        if arguments.diff.suffix.lower() not in image.LOW_RANGE:
-            raise image.ImageError(f"{arguments.diff}: the difference picture is a PNG or JPEG")
-    a, b = image.read(arguments.a), image.read(arguments.b)
-    result = image.compare(a, b)
+        lajolla.image.check_output(arguments.diff)
+        if arguments.diff.suffix.lower() not in lajolla.image.LOW_RANGE:
+            raise lajolla.image.ImageError(f"{arguments.diff}: the difference picture is a PNG or JPEG")
+    a, b = lajolla.image.read(arguments.a), lajolla.image.read(arguments.b)
+    result = lajolla.image.compare(a, b)
     print(f"{'':12}  {'red':>12}  {'green':>12}  {'blue':>12}")
     for name, values in (
         ("mean ratio", result.mean_ratio),
@@ -276,12 +287,12 @@ def command_compare(arguments: argparse.Namespace) -> int:
     if result.excluded:
         say(f"warning: {result.excluded} pixels are not finite and were left out")
     if arguments.diff is not None:
-        image.write_encoded(arguments.diff, image.difference_picture(a, b))
+        lajolla.image.write_encoded(arguments.diff, lajolla.image.difference_picture(a, b))
     return 0
 
 
 def command_list(arguments: argparse.Namespace) -> int:
-    for line in listing(arguments.kind, arguments.name):
+    for line in lajolla.catalog.listing(arguments.kind, arguments.name):
         print(line)
     return 0
 

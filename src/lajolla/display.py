@@ -1,16 +1,16 @@
 """What the command line shows of a running render, on standard error."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING, TypeAlias
 
-from rich.console import Console
-from rich.progress import BarColumn, TextColumn
-from rich.progress import Progress as Bar
+if TYPE_CHECKING:
+    from lajolla.render import Progress
 
-from lajolla.render import Progress
-
-Observer = Callable[[Progress], None]
+Observer: TypeAlias = "Callable[[Progress], None]"
 
 
 def say(message: str) -> None:
@@ -59,6 +59,10 @@ def progress_display(*, pixels: int, quiet: bool) -> Iterator[Observer]:
     elif not sys.stderr.isatty():
         yield line_observer(pixels)
     else:
+        from rich.console import Console  # not loaded where no terminal shows it
+        from rich.progress import BarColumn, TextColumn
+        from rich.progress import Progress as Bar
+
         columns = (BarColumn(), TextColumn("{task.percentage:3.0f} %"), TextColumn("{task.description}"))
         with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task("", total=1.0)

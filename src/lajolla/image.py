@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import ArrayLike, NDArray
 
 from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, RGB_TO_XYZ, Film, FloatImage, matrix_text
@@ -137,6 +136,8 @@ def read(path: str | os.PathLike[str]) -> FloatImage:
     path = Path(path)
     if not path.is_file():
         raise ImageError(f"{path}: {'not a file' if path.exists() else 'no such file'}")
+    import OpenImageIO as oiio  # here, because it takes long and many commands need no pictures
+
     config = oiio.ImageSpec()
     config.attribute("pnm:pfmflip", 0)
     config.attribute("oiio:UnassociatedAlpha", 1)  # nothing is multiplied by alpha
@@ -173,6 +174,8 @@ def check_output(path: str | os.PathLike[str]) -> None:
     if path.suffix.lower() not in ENDINGS:
         known = ", ".join(ENDINGS)
         raise ImageError(f"{path}: the format follows from the file's ending, which is one of {known}")
+    if path.suffix.lower() not in MATRIX:
+        import OpenImageIO  # noqa: F401 # as in `read`; what would fail after rendering fails now
     check_folder(path)
 
 
@@ -269,6 +272,8 @@ def write_encoded(
     path: Path, pixels: NDArray[Any], *, pixel_type: str = "uint8", names: tuple[str, ...] = ()
 ) -> None:
     """Writes an array (height, width, channels) as it is, atomically. Raises ImageError."""
+    import OpenImageIO as oiio  # as in `read`
+
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, pixel_type)
     if names:

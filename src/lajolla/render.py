@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from lajolla import _core
 from lajolla.film import Film
 from lajolla.image import Image
-from lajolla.scene import Description, SceneWarning, describe, load_description, plugins
+from lajolla.scene import (
+    Description,
+    SceneWarning,
+    core_schema,
+    describe,
+    load_description,
+    plugins_by_kind,
+)
 
 PASS_SECONDS = 2.0  # passes grow until they take about this long; an interrupted one is lost
 POLL_SECONDS = 0.1
@@ -50,8 +57,10 @@ class Options:
         _check_range("max_depth", self.max_depth, -1, MAX_INTEGER)
         _check_window("size", self.size, (1, 1), MAX_SIZE)
         _check_window("crop", self.crop, (0, 0, 1, 1), MAX_SIZE)
-        integrators = [*_core.schema()["integrator"], *plugins()["integrator"]]
-        if self.integrator is not None and self.integrator not in integrators:
+        if self.integrator is None:
+            return
+        integrators = [plugin.name for plugin in plugins_by_kind()["integrator"].values()]
+        if self.integrator not in integrators:
             raise OptionError(
                 f"there is no integrator {self.integrator!r}{suggestion(str(self.integrator), integrators)}"
             )
@@ -109,7 +118,7 @@ def _crop_fields(crop: tuple[int, int, int, int], film: Mapping[str, Any]) -> di
 
 
 def _integrator(entry: Mapping[str, Any], options: Options) -> dict[str, Any]:
-    fields = {field["name"] for field in _core.schema()["integrator"][entry["type"]]["fields"]}
+    fields = {field["name"] for field in core_schema()["integrator"][entry["type"]]["fields"]}
     if options.max_depth is not None and "max_depth" not in fields:
         raise OptionError(f"the integrator {entry['type']!r} has no max_depth")
     return _with(entry, max_depth=options.max_depth)

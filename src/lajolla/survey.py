@@ -8,9 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import track
-
 from lajolla import _core
 from lajolla.render import OptionError, Scene
 from lajolla.scene import SceneError
@@ -36,6 +33,9 @@ def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
         folder: searched for `*.xml`, at any depth.
         open_scene: opens one file.
     """
+    from rich.console import Console  # not loaded with the renderer, which has no use for it
+    from rich.progress import track
+
     texts = {path: _text(path) for path in sorted(folder.rglob("*.xml")) if path.is_file()}
     files = [path for path, text in texts.items() if b"<scene" in text]
     names = {name.decode(errors="replace") for text in texts.values() for name in INCLUDE.findall(text)}

@@ -13,9 +13,10 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 from typing import Any
 
+from lajolla import _core
 from lajolla.film import Film
 
 from .assemble import assemble
@@ -24,22 +25,23 @@ from .dict_reader import nodes_from_dict
 from .errors import Diagnostics, Location, SceneError, SceneWarning
 from .expand import expand_file
 from .images import Pixels
-from .mitsuba3 import Translator
 from .plugins import READER_PLUGINS
 from .resolve import resolve
+from .schema import core_schema
 from .typed import Tree, nodes_from_elements
 from .upgrade import upgrade
-from .write import scene_text
 
 __all__ = [
     "Description",
     "Export",
     "SceneError",
     "SceneWarning",
+    "core_schema",
     "describe",
     "export",
     "load_description",
     "plugins",
+    "plugins_by_kind",
 ]
 
 NO_PARAMETERS: Mapping[str, str] = MappingProxyType({})
@@ -123,6 +125,9 @@ def export(
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
     """
+    from .mitsuba3 import Translator  # the way out, which no render needs
+    from .write import scene_text
+
     tree, builder = _read(Path(path), parameters, strict)
     description = _describe(tree, builder)
     diagnostics = Diagnostics()
@@ -154,13 +159,13 @@ def describe(
         SceneError: the scene cannot be read; the message tells where and why.
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
-    builder = Builder(_core(), Diagnostics(strict), [base], two_sided, integrator)
+    builder = Builder(_core, Diagnostics(strict), [base], two_sided, integrator)
     return _describe(nodes_from_dict(scene_dict, base, builder.table), builder)
 
 
 def plugins() -> dict[str, dict[str, Any]]:
     """The plugins that scene files know beside the core's, in the form of `_core.schema()`."""
-    table = plugins_by_kind(_core().schema())
+    table = plugins_by_kind()
     result: dict[str, dict[str, Any]] = {}
     for plugin in READER_PLUGINS:
         result.setdefault(plugin.kind, {})[plugin.name] = table[plugin.kind][plugin.name.lower()].described()
@@ -172,15 +177,9 @@ def _read(path: Path, parameters: Mapping[str, str], strict: bool) -> tuple[Tree
     diagnostics = Diagnostics(strict)
     document = expand_file(path, parameters, diagnostics)
     tree = nodes_from_elements(document.root, diagnostics)
-    builder = Builder(_core(), diagnostics, document.search_paths)
+    builder = Builder(_core, diagnostics, document.search_paths)
     upgrade(tree.nodes, builder.table)
     return tree, builder
-
-
-def _core() -> ModuleType:
-    from lajolla import _core as module
-
-    return module
 
 
 def _describe(tree: Tree, builder: Builder) -> Description:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeGuard
@@ -27,8 +28,8 @@ from .schema import (
     Field,
     MaterialId,
     Plugin,
-    Schema,
     Slot,
+    core_schema,
     fields_of,
 )
 from .substitutes import DROPPED, NESTED, misspelt, substitute_for
@@ -40,8 +41,10 @@ DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
 LISTS = {"phase": "phases", "medium": "media"}
 
 
-def plugins_by_kind(schema: Schema) -> dict[str, dict[str, Plugin]]:
+@cache
+def plugins_by_kind() -> Mapping[str, Mapping[str, Plugin]]:
     """Every plugin that scenes may use: the core's models, and the reader's own in front of them."""
+    schema = core_schema()
     table: dict[str, dict[str, Plugin]] = {}
     for kind, models in schema.items():
         if kind == "adapter":
@@ -70,9 +73,10 @@ class Builder:
     search_paths: list[Path]
     two_sided: bool = False
     integrator: str | None = None  # in place of the scene's
-    table: dict[str, dict[str, Plugin]] = field(default_factory=dict)
+    table: Mapping[str, Mapping[str, Plugin]] = field(default_factory=plugins_by_kind)
     textures: list[dict[str, Any]] = field(default_factory=list)
     bsdfs: list[dict[str, Any]] = field(default_factory=list)
+    transmissive: list[bool] = field(default_factory=list)  # of each bsdf, whether light passes through
     adapters: list[dict[str, Any]] = field(default_factory=list)
     materials: list[dict[str, Any]] = field(default_factory=list)
     emitters: list[dict[str, Any]] = field(default_factory=list)
@@ -89,9 +93,6 @@ class Builder:
     slots: dict[Slot, int] = field(default_factory=dict)
     places: dict[str, Location] = field(default_factory=dict)  # of entries: "shapes[3]"
     files: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # meshes and images are read once
-
-    def __post_init__(self) -> None:
-        self.table = plugins_by_kind(self.core.schema())
 
     # Files
 
@@ -252,14 +253,14 @@ class Builder:
         key = repr((where, entry))
         if key not in self.indices:
             if where == "bsdfs":
-                self._check_bsdf(entry, node)
+                self.transmissive.append(self._is_transmissive(entry, node))
             self.indices[key] = self.add(where, entry, node)
         return self.indices[key]
 
-    def _check_bsdf(self, entry: dict[str, Any], node: Node) -> None:
-        """Refuses values that the core does not take before materials are asked what they let through."""
+    def _is_transmissive(self, entry: dict[str, Any], node: Node) -> bool:
+        """Asks the core, which refuses the values that it does not take."""
         try:
-            self.core.transmissive(entry)
+            return bool(self.core.transmissive(entry))
         except self.core.DescriptionError as problem:
             raise SceneError(str(problem).removeprefix("bsdf."), node.location) from None
 
@@ -268,17 +269,17 @@ class Builder:
         entry = {"type": plugin, **values, **{name: _described(child) for name, child in children.items()}}
         return AdapterId(self.add_once("adapters", entry, node))
 
-    def parts_of(self, material: MaterialId) -> Iterator[dict[str, Any]]:
-        """The entries of the adapters and bsdfs that a material is made of, each once."""
+    def bsdfs_of(self, material: MaterialId) -> Iterator[int]:
+        """The indices of the bsdfs that a material is made of, each once."""
         waiting, met = [material], {material, BLACK}
         while waiting:
             part = waiting.pop()
-            if part == BLACK:
+            if not isinstance(part, AdapterId):
+                if part != BLACK:
+                    yield part
                 continue
-            entry = self.adapters[part.index] if isinstance(part, AdapterId) else self.bsdfs[part]
-            yield entry
             for name in ("first", "second", "child"):
-                child = entry.get(name, BLACK) if isinstance(part, AdapterId) else BLACK
+                child = self.adapters[part.index].get(name, BLACK)
                 child = AdapterId(child["adapter"]) if isinstance(child, dict) else child
                 if child not in met:
                     met.add(child)

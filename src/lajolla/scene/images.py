@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import OpenImageIO as oiio
 
 from .errors import Location, SceneError
 
@@ -32,6 +31,8 @@ def read_pixels(path: Path, location: Location, channel: str = "") -> Pixels:
     Raises:
         SceneError: the file is no image, is cut short, or its colours are not RGB or grey.
     """
+    import OpenImageIO as oiio  # here, because it takes long and many scenes have no textures
+
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     opened = oiio.ImageInput.open(str(path), config)
@@ -54,6 +55,8 @@ def read_pixels(path: Path, location: Location, channel: str = "") -> Pixels:
 
 def is_integer_file(path: Path) -> bool:
     """Whether a picture's file holds integers, which are sRGB-encoded unless the scene says otherwise."""
+    import OpenImageIO as oiio  # as in `read_pixels`
+
     opened = oiio.ImageInput.open(str(path))
     kind = str(opened.spec().format) if opened else ""
     if opened:

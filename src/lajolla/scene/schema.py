@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeAlias
+
+from lajolla import _core
 
 if TYPE_CHECKING:
     from .build import Builder
@@ -125,6 +128,12 @@ class Plugin:
     def described(self) -> dict[str, Any]:
         """The plugin in the form of `_core.schema()`."""
         return {"doc": self.doc, "fields": [asdict(f) | {"choices": list(f.choices)} for f in self.fields]}
+
+
+@cache
+def core_schema() -> Schema:
+    """`_core.schema()`, which is made anew whenever it is asked for; this one is nobody's to change."""
+    return _core.schema()
 
 
 def fields_of(schema: Schema, kind: str, name: str) -> tuple[Field, ...]:

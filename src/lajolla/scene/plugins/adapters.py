@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def lets_light_through(builder: Builder, material: MaterialId) -> bool:
     """Whether any part of a material is seen from both sides."""
-    return any(builder.core.transmissive(part) for part in builder.parts_of(material))
+    return any(builder.transmissive[bsdf] for bsdf in builder.bsdfs_of(material))
 
 
 def _inner(builder: Builder, node: Node, most: int, needed: str) -> list[Slot]:
@@ -170,7 +170,7 @@ def _coated(
         made[material] = builder.adapt(node, entry.pop("type"), entry, **coated)
         return made[material]
     base = builder.bsdfs[material]
-    if builder.core.transmissive(base):
+    if builder.transmissive[material]:
         return material
     if base["type"] == "coating":
         builder.diagnostics.warn(f"{node} around another coating is left out", node.location)

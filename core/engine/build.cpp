@@ -1,0 +1,250 @@
+#include "engine/build.h"
+
+#include "engine/described.h"
+#include "engine/media.h"
+#include "engine/renderable.h"
+
+namespace lajolla {
+
+namespace {
+
+// The dict under a key; an empty one, which means all defaults, where it is missing.
+const Dict &read_dict(const Dict &description, const char *key) {
+    static const Dict empty;
+    const Value *const given = description.find(key);
+    if (!given) return empty;
+    const Dict *const dict = given->get_if<Dict>();
+    if (!dict) throw UnexpectedValue(key, "a dict", *given);
+    return *dict;
+}
+
+template <class Variant>
+Variant read_variant(const Dict &description, const char *key) {
+    const Dict &entry = read_dict(description, key);
+    return entry.contains("type") ? variant_from<Variant>(entry, key) : Variant{};
+}
+
+// An index into a list of `count` entries, or -1.
+std::int32_t read_id(const Dict &entry, const char *key, std::size_t count, const std::string &where) {
+    std::int32_t id = -1;
+    const Value *const given = entry.find(key);
+    if (!given) return id;
+    read_value(*given, id, where, ".", key);
+    if (id < -1 || id >= static_cast<std::int64_t>(count))
+        throw UnexpectedValue(where + "." + key,
+                              count > 0 ? "-1 or an index below " + std::to_string(count) : "-1", *given);
+    return id;
+}
+
+template <class Variant>
+void check_textures(const Variant &variant, std::size_t count, const std::string &where);
+
+template <class T>
+void check_texture(const T &value, std::size_t count, const std::string &where) {
+    if constexpr (std::is_same_v<T, BareBsdf>) check_textures(value, count, where);
+    else if constexpr (requires { value.id; })
+        if (value.id >= static_cast<std::int64_t>(count))
+            throw DescriptionError(where + ": there is no texture " + std::to_string(value.id) +
+                                   " before this");
+}
+
+// Every texture handle of a model must name one of the first `count` textures.
+template <class Variant>
+void check_textures(const Variant &variant, std::size_t count, const std::string &where) {
+    match(variant, [&](const auto &model) {
+        for_each_field<std::decay_t<decltype(model)>>(
+            [&](const auto &field) { check_texture(model.*field.member, count, where + "." + field.name); });
+    });
+}
+
+// Materials and adapters hold BSDFs, and adapters that were read before.
+void check_material(MaterialId id, const SceneParts &parts, const std::string &where) {
+    const auto known = [](std::int32_t index, std::size_t count) {
+        return index >= -1 && index < static_cast<std::int64_t>(count);
+    };
+    if (!known(id.bsdf, parts.bsdfs.size()))
+        throw DescriptionError(where + ": there is no bsdf " + std::to_string(id.bsdf));
+    if (!known(id.adapter, parts.adapters.size()))
+        throw DescriptionError(where + ": there is no adapter " + std::to_string(id.adapter) +
+                               " before this");
+}
+
+void read_adapters(const Dict &description, SceneParts &parts) {
+    for_each_entry(description, "adapters", [&](const Dict &entry, const std::string &where) {
+        auto adapter = variant_from<Adapter>(entry, where);
+        check_textures(adapter, parts.textures.size(), where);
+        match(adapter, [&](const auto &a) {
+            for_each_field<std::decay_t<decltype(a)>>([&](const auto &field) {
+                if constexpr (std::is_same_v<std::decay_t<decltype(a.*field.member)>, MaterialId>)
+                    check_material(a.*field.member, parts, where + "." + field.name);
+            });
+        });
+        parts.adapters.push_back(std::move(adapter));
+    });
+}
+
+Material read_material(const Dict &entry, const SceneParts &parts, const std::string &where) {
+    Material material;
+    for (const auto &[name, value] : entry) {
+        if (name != "front" && name != "back")
+            throw DescriptionError(where + ": unknown field '" + name + "' (known: front, back)");
+        MaterialId &side = name == "front" ? material.front : material.back;
+        read_value(value, side, where, ".", name);
+        check_material(side, parts, where + "." + name);
+    }
+    return material;
+}
+
+Group read_group(const Dict &entry, std::size_t shapes, const std::string &where) {
+    const Value *const given = entry.find("shapes");
+    const List *const indices = given ? given->get_if<List>() : nullptr;
+    if (!indices) throw DescriptionError(where + ": expected {'shapes': a list of indices}");
+    Group group;
+    for (const Value &item : *indices) {
+        std::uint32_t id = 0;
+        read_value(item, id, where, ".shapes");
+        if (id >= shapes)
+            throw UnexpectedValue(where + ".shapes", "an index below " + std::to_string(shapes), item);
+        group.push_back(id);
+    }
+    return group;
+}
+
+Instance read_instance(const Dict &entry, std::size_t groups, const std::string &where) {
+    const auto instance = model_from<Instance>(entry, where);
+    if (static_cast<std::size_t>(instance.group) >= groups)
+        throw DescriptionError(where + ".group: there is no group " + std::to_string(instance.group));
+    return instance;
+}
+
+// Textures, BSDFs, emitters and what is made of them.
+void read_looks(const Dict &description, SceneParts &parts) {
+    const auto textured = [&]<class Variant>(std::vector<Variant> &list, const char *key) {
+        for_each_entry(description, key, [&](const Dict &entry, const std::string &where) {
+            auto model = variant_from<Variant>(entry, where);
+            check_textures(model, parts.textures.size(), where); // earlier ones only: no texture reads itself
+            list.push_back(std::move(model));
+        });
+    };
+    textured(parts.textures, "textures");
+    textured(parts.bsdfs, "bsdfs");
+    read_adapters(description, parts);
+    parts.materials = read_list(description, "materials", [&](const Dict &entry, const std::string &where) {
+        return read_material(entry, parts, where);
+    });
+    textured(parts.lights, "emitters");
+}
+
+void read_shapes(const Dict &description, SceneParts &parts) {
+    const std::size_t media = parts.media.size();
+    parts.shapes = read_list(description, "shapes", [&](const Dict &entry, const std::string &where) {
+        parts.slots.push_back({read_id(entry, "material", parts.materials.size(), where),
+                               read_id(entry, "emitter", parts.lights.size(), where),
+                               read_id(entry, "interior", media, where),
+                               read_id(entry, "exterior", media, where)});
+        return variant_from<Shape>(entry, where, {"material", "emitter", "interior", "exterior"});
+    });
+    parts.groups = read_list(description, "groups", [&](const Dict &entry, const std::string &where) {
+        return read_group(entry, parts.shapes.size(), where);
+    });
+    parts.instances = read_list(description, "instances", [&](const Dict &entry, const std::string &where) {
+        return read_instance(entry, parts.groups.size(), where);
+    });
+}
+
+SceneParts read_parts(const Dict &description) {
+    SceneParts parts;
+    read_looks(description, parts);
+    parts.media = read_media(description);
+    read_shapes(description, parts);
+    const Dict &sensor = read_dict(description, "sensor");
+    parts.camera_medium = read_id(sensor, "medium", parts.media.size(), "sensor");
+    if (sensor.contains("type")) parts.camera = variant_from<Camera>(sensor, "sensor", {"medium"});
+    parts.film = model_from<Film>(read_dict(description, "film"), "film");
+    parts.filter = read_variant<PixelFilter>(description, "rfilter");
+    return parts;
+}
+
+Output read_output(const Dict &description) {
+    Output output{read_variant<Integrator>(description, "integrator"), {}, {}};
+    output.others =
+        read_list(description, "other_integrators", [](const Dict &entry, const std::string &where) {
+            return variant_from<Integrator>(entry, where);
+        });
+    output.channels = read_list(description, "channels", [&](const Dict &entry, const std::string &where) {
+        auto channel = model_from<Channel>(entry, where);
+        if (static_cast<std::size_t>(channel.source) > output.others.size())
+            throw DescriptionError(where + ".source: there is no integrator " +
+                                   std::to_string(channel.source));
+        return channel;
+    });
+    return output;
+}
+
+} // namespace
+
+std::shared_ptr<RenderableScene> build_scene(const Dict &description) {
+    auto result = std::make_shared<RenderableScene>();
+    const auto sampler_model = read_variant<SamplerModel>(description, "sampler");
+    match(sampler_model, [&](const auto &sampler) {
+        result->sequence = sampler.kind;
+        result->sample_count = sampler.sample_count;
+        result->seed = sampler.seed;
+    });
+    result->output = read_output(description);
+    SceneParts parts = read_parts(description);
+    try {
+        result->scene = std::make_unique<const Scene>(std::move(parts));
+    } catch (const std::invalid_argument &error) {
+        throw DescriptionError(error.what());
+    }
+    return result;
+}
+
+Dict schema() {
+    return {{"bsdf", schema_of_list<Bsdf>()},
+            {"adapter", schema_of_list<Adapter>()},
+            {"texture", schema_of_list<TextureModel>()},
+            {"emitter", schema_of_list<Light>()},
+            {"medium", schema_of_list<Medium>()},
+            {"phase", schema_of_list<Phase>()},
+            {"volume", schema_of_list<VolumeModel>()},
+            {"shape", schema_of_list<Shape>()},
+            {"sensor", schema_of_list<Camera>()},
+            {"film", schema_of_list<std::variant<Film>>()},
+            {"rfilter", schema_of_list<PixelFilter>()},
+            {"sampler", schema_of_list<SamplerModel>()},
+            {"integrator", schema_of_list<Integrator>()}};
+}
+
+// Reads the fields alone: what a model's build() computes does not matter here.
+bool transmissive(const Dict &bsdf) {
+    std::string type;
+    if (const Value *const given = bsdf.find("type")) read_value(*given, type, "bsdf.type");
+    bool result = false;
+    for_each_alternative<Bsdf>([&]<class Model>() {
+        if (type != Model::name) return;
+        Model model;
+        read_model(model, bsdf, "bsdf");
+        result = model.traits().transmissive;
+    });
+    return result;
+}
+
+Dict summary(const RenderableScene &scene) {
+    const SceneParts &parts = scene.scene->parts();
+    std::size_t triangles = 0;
+    for (const Shape &shape : parts.shapes)
+        if (const auto *mesh = std::get_if<TriangleMesh>(&shape)) triangles += mesh->mesh->triangles.size();
+    Dict result{{"shapes", parts.shapes.size()}};
+    if (!parts.instances.empty()) result.add("instances", parts.instances.size());
+    result.add("triangles", triangles);
+    result.add("bsdfs", parts.bsdfs.size());
+    result.add("emitters", parts.lights.size());
+    result.add("textures", parts.textures.size());
+    result.add("media", parts.media.size());
+    result.add("bytes", scene.scene->bytes());
+    return result;
+}
+
+} // namespace lajolla

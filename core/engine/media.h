@@ -1,0 +1,12 @@
+#pragma once
+// The media of a description.
+
+#include "engine/value.h"
+#include "scene/medium.h"
+
+namespace lajolla {
+
+// Its lists "volumes", "phases" and "media". Throws DescriptionError.
+Media read_media(const Dict &description);
+
+} // namespace lajolla

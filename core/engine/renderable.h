@@ -1,0 +1,20 @@
+#pragma once
+// What a description says: the scene, and how it wants to be rendered.
+
+#include <cstdint>
+#include <memory>
+
+#include "engine/build.h"
+#include "transport/render.h"
+
+namespace lajolla {
+
+struct RenderableScene {
+    std::unique_ptr<const Scene> scene;
+    Output output;
+    SequenceKind sequence;
+    int sample_count;
+    std::uint32_t seed;
+};
+
+} // namespace lajolla

@@ -1,0 +1,376 @@
+#include "transport/wavefront.h"
+
+namespace lajolla {
+
+namespace {
+
+const float *row(const void *first, int i) { return static_cast<const float *>(first) + 4 * i; }
+float *row(void *first, int i) { return static_cast<float *>(first) + 4 * i; }
+
+Vec3<WideFloat> vector_of(const Quad<WideFloat> &q) { return {q.x, q.y, q.z}; }
+Quad<WideFloat> quad(const Vec3<WideFloat> &v, WideFloat w) { return {v.x, v.y, v.z, w}; }
+
+// Whether a model's lobes are computed in lanes.
+bool is_wide_model(const Bsdf &bsdf) {
+    return match(bsdf, [](const auto &model) { return IsWide<std::decay_t<decltype(model)>>; });
+}
+
+} // namespace
+
+Wavefront::Wavefront(const Scene &scene, const Path &integrator)
+    : scene_(scene), integrator_(integrator), group_sizes_(scene.parts().materials.size() + 3), samplers_(capacity),
+      paths_(capacity + lanes), next_(capacity + lanes), hits_(capacity + lanes), shapes_(capacity + lanes),
+      instances_(capacity + lanes), shadow_rays_(capacity + lanes), order_(capacity + lanes) {
+    const auto is_wide = [&](std::int32_t bsdf) {
+        return bsdf < 0 || is_wide_model(scene.parts().bsdfs[static_cast<std::size_t>(bsdf)]);
+    };
+    for (const ShapeSlot &slot : scene.parts().slots) {
+        const auto plain = scene.plain_material(slot.material);
+        const bool wide = plain && is_wide(plain->front) && is_wide(plain->back);
+        group_of_shape_.push_back(wide ? slot.material : one_by_one);
+    }
+}
+
+void Wavefront::render(std::span<const SampleId> ids, SequenceKind sequence, std::uint32_t seed, Tracer &tracer,
+                       std::span<Spectrum> radiance, std::span<float> weights) {
+    radiance_ = radiance;
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+        samplers_[i] = Sampler(sequence, seed, ids[i].x, ids[i].y, ids[i].index);
+        radiance[i] = Spectrum(0);
+    }
+    start(ids, weights);
+    if (integrator_.max_depth == 0) return;
+    while (count_ > 0) {
+        trace(tracer);
+        sort();
+        next_count_ = shadow_count_ = 0;
+        for (const Group &group : groups_) scatter(group, tracer);
+        trace_shadow_rays(tracer);
+        std::swap(paths_, next_);
+        count_ = next_count_;
+    }
+}
+
+// --- lanes in and out ----------------------------------------------------------------------------------------------
+
+// Calls f(packet) for all paths of a group; lanes that are off repeat the last one.
+template <class F>
+void Wavefront::for_each_packet(std::span<const std::int32_t> paths, F &&f) const {
+    Packet packet;
+    for (std::size_t i = 0; i < paths.size(); i += lanes) {
+        for (std::size_t k = 0; k < lanes; ++k) {
+            packet.paths[k] = paths[std::min(i + k, paths.size() - 1)];
+            packet.samples[k] = sample_of(packet.paths[k]);
+        }
+        packet.active = first_lanes(static_cast<int>(std::min<std::size_t>(paths.size() - i, lanes)));
+        f(packet);
+    }
+}
+
+// The sign of the density tells whether light sampling had no chance.
+PathState<WideFloat> Wavefront::load(const Packet &packet) const {
+    const auto rows = [&](int i) {
+        return load_rows([&](int k) { return row(&paths_[static_cast<std::size_t>(packet.paths[k])], i); });
+    };
+    const auto origin = rows(0), direction = rows(1), throughput = rows(2), from = rows(3), range = rows(4),
+               counts = rows(5);
+    return {{vector_of(origin), vector_of(direction), range.x, range.y},
+            {from.w, range.z},
+            vector_of(from),
+            abs(origin.w),
+            as_int(origin.w) < 0,
+            Rgb<WideFloat>(vector_of(throughput)),
+            direction.w,
+            throughput.w,
+            as_int(counts.x),
+            as_int(counts.y),
+            as_int(counts.z)};
+}
+
+std::int32_t Wavefront::sample_of(std::int32_t path) const {
+    return as_int(paths_[static_cast<std::size_t>(path)].rows[5][3]);
+}
+
+RayHits Wavefront::load_hits(const Packet &packet) const {
+    const auto q = load_rows([&](int k) { return &hits_[static_cast<std::size_t>(packet.paths[k])].distance; });
+    const WideInt index = lajolla::load(packet.paths);
+    return {q.x, q.y, q.z, gather(shapes_.data(), index), as_int(q.w), gather(instances_.data(), index)};
+}
+
+PathState<float> Wavefront::one(const StoredPath &stored) {
+    const auto &r = stored.rows;
+    const auto vector = [](const float *v) { return Vec3f{v[0], v[1], v[2]}; };
+    return {{vector(r[0]), vector(r[1]), r[4][0], r[4][1]},
+            {r[3][3], r[4][2]},
+            vector(r[3]),
+            std::abs(r[0][3]),
+            std::signbit(r[0][3]),
+            Spectrum(vector(r[2])),
+            r[1][3],
+            r[2][3],
+            as_int(r[5][0]),
+            as_int(r[5][1]),
+            as_int(r[5][2])};
+}
+
+Wavefront::StoredPath Wavefront::stored(const PathState<float> &p, std::int32_t sample) {
+    const Vec3f &o = p.ray.origin, &d = p.ray.direction;
+    return {{{o.x, o.y, o.z, p.delta ? -p.pdf : p.pdf},
+             {d.x, d.y, d.z, p.eta},
+             {p.throughput.x, p.throughput.y, p.throughput.z, p.flight},
+             {p.from.x, p.from.y, p.from.z, p.cone.radius},
+             {p.ray.near, p.ray.far, p.cone.spread, 0},
+             {as_float(p.depth), as_float(p.block), as_float(p.null_transmissions), as_float(sample)}}};
+}
+
+void Wavefront::append(const PathState<WideFloat> &path, const Packet &packet, WideBool active) {
+    StoredPath unused;
+    StoredPath *to[lanes];
+    const unsigned kept = bits(active);
+    for (int k = 0; k < lanes; ++k) to[k] = kept >> k & 1 ? &next_[next_count_++] : &unused;
+    const auto store = [&](int i, const Quad<WideFloat> &q) {
+        store_rows(q, [&](int k) { return row(to[k], i); });
+    };
+    const WideFloat pdf = copysign(path.pdf, select(path.delta, WideFloat(-1), WideFloat(1)));
+    store(0, quad(path.ray.origin, pdf));
+    store(1, quad(path.ray.direction, path.eta));
+    store(2, quad(Vec3<WideFloat>(path.throughput), path.flight));
+    store(3, quad(path.from, path.cone.radius));
+    store(4, {path.ray.near, path.ray.far, path.cone.spread, 0});
+    store(5, {as_float(path.depth), as_float(path.block), as_float(path.null_transmissions),
+              as_float(lajolla::load(packet.samples))});
+}
+
+void Wavefront::append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, const Packet &packet,
+                       WideBool active) {
+    StoredShadowRay unused;
+    StoredShadowRay *to[lanes];
+    const unsigned kept = bits(active);
+    for (int k = 0; k < lanes; ++k) to[k] = kept >> k & 1 ? &shadow_rays_[shadow_count_++] : &unused;
+    store_rows(quad(ray.origin, ray.far), [&](int k) { return row(to[k], 0); });
+    store_rows(quad(ray.direction, as_float(lajolla::load(packet.samples))), [&](int k) { return row(to[k], 1); });
+    store_rows(quad(Vec3<WideFloat>(value), 0), [&](int k) { return row(to[k], 2); });
+}
+
+void Wavefront::add(const Rgb<WideFloat> &value, const Packet &packet, WideBool active) {
+    for_each_lane(active, [&](int k) {
+        radiance_[static_cast<std::size_t>(packet.samples[k])] += Spectrum(value.x[k], value.y[k], value.z[k]);
+    });
+}
+
+// --- the steps -----------------------------------------------------------------------------------------------------
+
+void Wavefront::start(std::span<const SampleId> ids, std::span<float> weights) {
+    next_count_ = 0;
+    for (std::size_t i = 0; i < ids.size(); i += lanes) {
+        const std::size_t last = ids.size() - 1;
+        const auto sampler = [&](int k) -> const Sampler & {
+            return samplers_[std::min(i + static_cast<std::size_t>(k), last)];
+        };
+        alignas(64) float x[lanes], y[lanes], weight[lanes];
+        Packet packet;
+        for (std::size_t k = 0; k < lanes; ++k) {
+            const SampleId &id = ids[std::min(i + k, last)];
+            x[k] = static_cast<float>(id.x), y[k] = static_cast<float>(id.y);
+            packet.samples[k] = static_cast<std::int32_t>(i + k);
+        }
+        const auto film =
+            sample_film(scene_, Sampler::cameras(sampler), lajolla::load(x), lajolla::load(y));
+        const std::size_t count = std::min(ids.size() - i, static_cast<std::size_t>(lanes));
+        append(Path::start(film.camera), packet, first_lanes(static_cast<int>(count)));
+        store(weight, film.weight);
+        std::copy_n(weight, count, weights.data() + i);
+    }
+    std::swap(paths_, next_);
+    count_ = next_count_;
+}
+
+void Wavefront::trace(Tracer &tracer) {
+    for (std::size_t i = 0; i < count_; i += lanes) {
+        const auto rows = [&](int r) {
+            return load_rows([&](int k) { return row(&paths_[i + static_cast<std::size_t>(k)], r); });
+        };
+        const auto origin = rows(0), direction = rows(1), range = rows(4);
+        const WideBool active = first_lanes(static_cast<int>(std::min<std::size_t>(count_ - i, lanes)));
+        const RayHits hits = tracer.closest({vector_of(origin), vector_of(direction), range.x, range.y}, active);
+        store_rows({hits.distance, hits.b1, hits.b2, as_float(hits.primitive)},
+                   [&](int k) { return &hits_[i + static_cast<std::size_t>(k)].distance; });
+        store(&shapes_[i], hits.shape);
+        store(&instances_[i], hits.instance);
+    }
+}
+
+// A counting sort; groups come in the order in which paths first meet them.
+void Wavefront::sort() {
+    const auto group_of = [&](std::size_t path) {
+        const std::int32_t shape = shapes_[path];
+        if (shape < 0) return missed;
+        const auto index = static_cast<std::size_t>(shape);
+        const bool hidden = integrator_.hide_emitters && scene_.parts().slots[index].emitter >= 0;
+        return hidden ? one_by_one : group_of_shape_[index];
+    };
+    const auto size_of = [&](std::int32_t group) -> std::uint32_t & {
+        return group_sizes_[static_cast<std::size_t>(group + 3)];
+    };
+    groups_.clear();
+    for (std::size_t i = 0; i < count_; ++i)
+        if (size_of(group_of(i))++ == 0) groups_.push_back({group_of(i), 0, 0});
+    std::uint32_t first = 0;
+    for (Group &group : groups_) {
+        group.first = first;
+        first += std::exchange(size_of(group.material), first); // from now on where the next one goes
+    }
+    for (std::size_t i = 0; i < count_; ++i) order_[size_of(group_of(i))++] = static_cast<std::int32_t>(i);
+    for (Group &group : groups_) group.count = std::exchange(size_of(group.material), 0) - group.first;
+}
+
+void Wavefront::scatter(const Group &group, Tracer &tracer) {
+    const std::span<const std::int32_t> paths = std::span(order_).subspan(group.first, group.count);
+    if (group.material == missed) return gather_environment(paths);
+    if (group.material == one_by_one) return follow_one_by_one(paths, tracer);
+    const auto [front, back] = *scene_.plain_material(group.material);
+    const auto with = [&](std::int32_t bsdf, Sides sides) {
+        if (bsdf < 0) {
+            if (sides != Sides::back_only) gather_emission(paths);
+            return;
+        }
+        match(scene_.parts().bsdfs[static_cast<std::size_t>(bsdf)], [&](const auto &model) {
+            if constexpr (IsWide<std::decay_t<decltype(model)>>)
+                scatter(model, scene_.traits_of(bsdf), sides, paths, tracer);
+        });
+    };
+    if (back < 0) return with(front, Sides::front);
+    if (back == front) return with(front, Sides::both);
+    with(front, Sides::front_only);
+    with(back, Sides::back_only);
+}
+
+void Wavefront::trace_shadow_rays(Tracer &tracer) {
+    for (std::size_t i = 0; i < shadow_count_; i += lanes) {
+        const auto rows = [&](int r) {
+            return load_rows([&](int k) { return row(&shadow_rays_[i + static_cast<std::size_t>(k)], r); });
+        };
+        const auto origin = rows(0), direction = rows(1);
+        const WideBool active = first_lanes(static_cast<int>(std::min<std::size_t>(shadow_count_ - i, lanes)));
+        const WideBool occluded = tracer.occluded({vector_of(origin), vector_of(direction), 0, origin.w}, active);
+        for_each_lane(active && !occluded, [&](int k) {
+            const StoredShadowRay &ray = shadow_rays_[i + static_cast<std::size_t>(k)];
+            radiance_[static_cast<std::size_t>(ray.sample)] += Spectrum(ray.value[0], ray.value[1], ray.value[2]);
+        });
+    }
+}
+
+// --- groups --------------------------------------------------------------------------------------------------------
+
+// Calls f(paths of the lanes, their samples, active lanes) for all paths of a group; lanes that are off repeat the last.
+void Wavefront::gather_environment(std::span<const std::int32_t> paths) {
+    if (!scene_.lights().has_environment()) return;
+    for_each_packet(paths, [&](const Packet &packet) {
+        const auto path = load(packet);
+        const WideBool shown = path.depth > 1 || WideBool(!integrator_.hide_emitters);
+        add(path.throughput * integrator_.environment(scene_, path), packet, packet.active && shown);
+    });
+}
+
+// What the lanes have no code for is done to one path after the other, as depth first.
+void Wavefront::follow_one_by_one(std::span<const std::int32_t> paths, Tracer &tracer) {
+    for (const std::int32_t index : paths) {
+        const auto i = static_cast<std::size_t>(index);
+        const auto sample = static_cast<std::size_t>(sample_of(index));
+        Path::Walk<Vacuum> walk{one(paths_[i]), Vacuum(), radiance_[sample]};
+        const Sampler &sampler = samplers_[sample];
+        const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(walk.path.block));
+        const RayHit found{hits_[i].distance,
+                           hits_[i].b1,
+                           hits_[i].b2,
+                           static_cast<std::uint32_t>(shapes_[i]),
+                           static_cast<std::uint32_t>(hits_[i].primitive),
+                           static_cast<std::uint32_t>(instances_[i])};
+        const Path::Course course = integrator_.visit(scene_, tracer, sampler, u, found, walk);
+        radiance_[sample] = walk.radiance;
+        if (course != Path::Course::ended) next_[next_count_++] = stored(walk.path, static_cast<std::int32_t>(sample));
+    }
+}
+
+void Wavefront::gather_emission(std::span<const std::int32_t> paths) {
+    for_each_packet(paths, [&](const Packet &packet) {
+        const auto path = load(packet);
+        add_emission(path, scene_.hit(path.ray, load_hits(packet), packet.active, path.cone, scene_.needs()), packet);
+    });
+}
+
+void Wavefront::add_emission(const PathState<WideFloat> &path, const Hit<WideFloat> &hit, const Packet &packet) {
+    const WideBool shines = packet.active && hit.emitter >= 0;
+    if (any(shines)) add(path.throughput * integrator_.emitted(scene_, path, hit), packet, shines);
+}
+
+// Light that the lanes' samples send to their surfaces: along a shadow ray, which is traced later, or, where surfaces
+// in between may let some of it pass, at once.
+void Wavefront::add_direct_light(const PathState<WideFloat> &path, const Hit<WideFloat> &hit,
+                                 const DirectSample<WideFloat> &light, const BsdfEval<WideFloat> &bsdf,
+                                 const Packet &packet, WideBool lit, Tracer &tracer) {
+    if (!scene_.has_null_transmission()) {
+        const Rgb<WideFloat> value = path.throughput * integrator_.direct(light, bsdf, WideFloat(1));
+        return append(shadow_ray(leave(hit, light.wi), hit.position_error, light), value, packet, lit);
+    }
+    for_each_lane(lit, [&](int k) {
+        const Hit<float> one_hit = lane_of(hit, k);
+        const DirectSample<float> one_light = lane_of(light, k);
+        const auto arrived = arrival(scene_, tracer, SurfacePoint{one_hit}, one_light, Vacuum());
+        if (!arrived) return;
+        const BsdfEval<float> f{lane_of(bsdf.f_cos, k), bsdf.pdf[k], bsdf.eta[k]};
+        radiance_[static_cast<std::size_t>(packet.samples[k])] +=
+            lane_of(path.throughput, k) * (integrator_.direct(one_light, f, arrived->reach) * arrived->value());
+    });
+}
+
+template <class Model>
+[[gnu::noinline]] void Wavefront::scatter(const Model &model, const BsdfTraits &traits, Sides sides,
+                                          std::span<const std::int32_t> paths, Tracer &tracer) {
+    for_each_packet(paths, [&](const Packet &packet) {
+        PathState<WideFloat> path = load(packet);
+        const Hit<WideFloat> hit =
+            scene_.hit(path.ray, load_hits(packet), packet.active, path.cone, scene_.needs());
+        if (sides != Sides::back_only) add_emission(path, hit, packet);
+
+        const Vec3<WideFloat> wo = -path.ray.direction;
+        const WideBool turned = !(dot(hit.normal, wo) >= 0.0f) && WideBool(sides != Sides::front);
+        WideBool scatters = packet.active && path.depth != integrator_.max_depth;
+        if (sides == Sides::front_only) scatters = scatters && !turned;
+        if (sides == Sides::back_only) scatters = scatters && turned;
+        const MappedNormal<WideFloat> normal{select(turned, -hit.shading_normal, hit.shading_normal), hit.dp_du,
+                                             turned};
+        const auto [black, frame, bent] = shading_frame(traits, hit, wo, normal, turned);
+        scatters = scatters && !black;
+        if (!any(scatters)) return;
+        Surface<WideFloat, LobeOf<Model, WideFloat>> surface{
+            black,  traits.delta, 1, frame, frame.to_local(wo), prepare_lobe<WideFloat>(model, scene_.filtered_reader(hit, wo)),
+            bent};
+        surface.sharp = surface.sharp || WideFloat(surface.lobe.roughness()) < scene_.sharpest();
+
+        const auto u = Sampler::bounces(
+            [&](int k) -> const Sampler & { return samplers_[static_cast<std::size_t>(packet.samples[k])]; },
+            path.block);
+        const WideBool lightable = scatters && !surface.sharp;
+        if (!scene_.lights().empty() && any(lightable)) {
+            const DirectSample<WideFloat> light =
+                scene_.lights().sample_direct(hit.position, u.light, u.light_uv);
+            const BsdfEval<WideFloat> f = surface.eval(light.wi);
+            const WideBool lit = lightable && integrator_.counts(light) && !is_black(f.f_cos);
+            if (any(lit)) add_direct_light(path, hit, light, f, packet, lit, tracer);
+        }
+
+        const BsdfSample<WideFloat> sample = surface.sample(u.lobe, u.bsdf_uv);
+        WideBool goes_on = scatters && sample.valid;
+        Path::scatter(scene_, hit, sample, surface.sharp, path);
+        const WideBool broken = goes_on && !is_finite(path.throughput);
+        if (any(broken)) // whoever takes the sample counts it
+            for_each_lane(broken, [&](int k) {
+                radiance_[static_cast<std::size_t>(packet.samples[k])] = lane_of(path.throughput, k);
+            });
+        goes_on = goes_on && !broken && integrator_.survives(u, highest_survival, path);
+        append(path, packet, goes_on);
+    });
+}
+
+} // namespace lajolla

@@ -1,0 +1,104 @@
+#pragma once
+// Many paths at a time (Laine et al. 2013, "Megakernels Considered Harmful: Wavefront Path Tracing on GPUs"): what
+// transport/path.h does to one path, done to the same vertex of hundreds. A step traces all rays in packets, sorts what
+// they hit by material, and lets the lanes of the processor's vectors scatter paths that share one, so that a lobe is of
+// one model with one set of parameters. Shadow rays are collected and traced in packets too.
+//
+// A path's numbers depend on nothing but itself, so that the result is that of following it alone, bit for bit.
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "transport/camera_sample.h"
+#include "transport/path.h"
+
+namespace lajolla {
+
+class Wavefront {
+public:
+    static constexpr std::size_t capacity = 512; // paths
+
+    Wavefront(const Scene &scene, const Path &integrator);
+
+    // The radiance of samples, at most `capacity`, and what they count under the pixel filter.
+    void render(std::span<const SampleId> ids, SequenceKind sequence, std::uint32_t seed, Tracer &tracer,
+                std::span<Spectrum> radiance, std::span<float> weights);
+
+private:
+    // A path between two steps, in rows of four numbers that lanes load and store as columns.
+    struct alignas(16) StoredPath {
+        float rows[6][4];
+    };
+    struct alignas(16) StoredHit {
+        float distance, b1, b2;
+        std::int32_t primitive;
+    };
+    struct alignas(16) StoredShadowRay {
+        float origin[3], far, direction[3];
+        std::int32_t sample;
+        float value[4]; // what arrives along it if nothing is in the way
+    };
+    // Paths that hit the same material.
+    struct Group {
+        std::int32_t material; // or one of the two below
+        std::uint32_t first, count;
+    };
+    static constexpr std::int32_t missed = -2, one_by_one = -3;
+
+    // The steps.
+    void start(std::span<const SampleId> ids, std::span<float> weights);
+    void trace(Tracer &tracer);
+    void sort();
+    void scatter(const Group &group, Tracer &tracer);
+    void trace_shadow_rays(Tracer &tracer);
+
+    // Groups.
+    void gather_environment(std::span<const std::int32_t> paths);
+    void gather_emission(std::span<const std::int32_t> paths);
+    void follow_one_by_one(std::span<const std::int32_t> paths, Tracer &tracer);
+    // Which of the hits a BSDF scatters: all of them, or those that are seen from one side.
+    enum class Sides { front, both, front_only, back_only };
+    template <class Model>
+    void scatter(const Model &model, const BsdfTraits &traits, Sides sides, std::span<const std::int32_t> paths,
+                 Tracer &tracer);
+
+    // The paths that lanes work on, and the samples that they belong to.
+    struct Packet {
+        alignas(64) std::int32_t paths[lanes], samples[lanes];
+        WideBool active;
+    };
+    template <class F>
+    void for_each_packet(std::span<const std::int32_t> paths, F &&f) const;
+    PathState<WideFloat> load(const Packet &packet) const;
+    RayHits load_hits(const Packet &packet) const;
+    std::int32_t sample_of(std::int32_t path) const;
+    void append(const PathState<WideFloat> &path, const Packet &packet, WideBool active);
+    void append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, const Packet &packet, WideBool active);
+    void add(const Rgb<WideFloat> &value, const Packet &packet, WideBool active);
+    static PathState<float> one(const StoredPath &stored);
+    static StoredPath stored(const PathState<float> &path, std::int32_t sample);
+
+    void add_emission(const PathState<WideFloat> &path, const Hit<WideFloat> &hit, const Packet &packet);
+    void add_direct_light(const PathState<WideFloat> &path, const Hit<WideFloat> &hit,
+                          const DirectSample<WideFloat> &light, const BsdfEval<WideFloat> &bsdf, const Packet &packet,
+                          WideBool lit, Tracer &tracer);
+
+    const Scene &scene_;
+    const Path &integrator_;
+    std::vector<std::int32_t> group_of_shape_; // its material, or one_by_one
+    std::vector<std::uint32_t> group_sizes_;   // by material, zero between steps
+
+    std::vector<Sampler> samplers_; // of the samples that are rendered
+    std::span<Spectrum> radiance_;
+
+    std::size_t count_ = 0, next_count_ = 0, shadow_count_ = 0;
+    std::vector<StoredPath> paths_, next_;
+    std::vector<StoredHit> hits_;
+    std::vector<std::int32_t> shapes_, instances_; // that were hit
+    std::vector<StoredShadowRay> shadow_rays_;
+    std::vector<Group> groups_;
+    std::vector<std::int32_t> order_; // paths, group by group
+};
+
+} // namespace lajolla
