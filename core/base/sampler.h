@@ -93,11 +93,11 @@ inline WideFloat to_unit_float(WideUint x) { return to_float(WideInt(std::bit_ca
 
 // Whether something happens that has this probability, decided by a uniform number that stays uniform and fit
 // for the next decision.
-inline bool passes(float probability, float &u) {
-    if (probability <= 0) return false;
-    const bool result = u < probability;
-    u = result ? u / probability : (u - probability) / (1 - probability);
-    u = min(u, one_minus_ulp);
+template <class Float>
+BoolOf<Float> passes(Float probability, Float &u) {
+    const auto possible = probability > 0.0f, result = possible && u < probability;
+    const Float rest = select(result, u / probability, (u - probability) / (1 - probability));
+    u = select(possible, min(rest, Float(one_minus_ulp)), u);
     return result;
 }
 

@@ -20,8 +20,8 @@ public:
     ~Accumulator();
 
     // Adds samples first ... first + count - 1 of every pixel. Returns false, and changes nothing, where
-    // cancel() was called meanwhile. threads = 0 uses them all; one_lane follows one path after the other, for
-    // the same bits. All of these may be called from several threads.
+    // cancel() was called meanwhile. threads = 0 uses them all; one_lane follows one path after the other,
+    // for the same bits. All of these may be called from several threads.
     bool add(std::uint32_t first, std::uint32_t count, int threads = 0, bool one_lane = false);
     void cancel();
     double progress() const; // finished fraction of the running add()
@@ -30,7 +30,7 @@ public:
     std::vector<float> image() const; // means, row by row, the channels of a pixel side by side
     std::uint64_t samples() const { return locked(samples_); } // per pixel
     std::uint64_t rays() const { return locked(rays_); }
-    std::uint64_t nonfinite() const { return locked(nonfinite_); } // samples that count as black
+    std::uint64_t nonfinite() const { return locked(nonfinite_); }  // samples that count as black
     auto nonfinite_list() const { return locked(nonfinite_list_); } // (x, y, sample) of the first of them
 
 private:

@@ -10,9 +10,9 @@ namespace {
 // Fills n numbers from a list of exactly n.
 bool read_numbers(const Value &source, float *values, std::size_t n) {
     const List *const list = source.get_if<List>();
-    return list && list->size() == n &&
-           std::all_of(list->begin(), list->end(),
-                       [&](const Value &item) { return Described<float>::read(item, *values++); });
+    return list && list->size() == n && std::all_of(list->begin(), list->end(), [&](const Value &item) {
+               return Described<float>::read(item, *values++);
+           });
 }
 
 template <class Tag>
@@ -64,7 +64,9 @@ bool Described<Spectrum>::read(const Value &source, Spectrum &value) {
     }
     return read_triple(source, value);
 }
-Value Described<Spectrum>::write(Spectrum value) { return write_numbers(std::array{value.x, value.y, value.z}); }
+Value Described<Spectrum>::write(Spectrum value) {
+    return write_numbers(std::array{value.x, value.y, value.z});
+}
 
 bool Described<Vec3f>::read(const Value &source, Vec3f &value) { return read_triple(source, value); }
 Value Described<Vec3f>::write(Vec3f value) { return write_numbers(std::array{value.x, value.y, value.z}); }
@@ -94,7 +96,8 @@ std::optional<std::size_t> read_choice(const Value &source, std::span<const char
     const auto *given = source.get_if<std::string>();
     if (!given) return std::nullopt;
     const auto found = std::find(names.begin(), names.end(), *given);
-    return found == names.end() ? std::nullopt : std::optional(static_cast<std::size_t>(found - names.begin()));
+    return found == names.end() ? std::nullopt
+                                : std::optional(static_cast<std::size_t>(found - names.begin()));
 }
 
 namespace detail {

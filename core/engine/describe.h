@@ -225,9 +225,9 @@ auto bind_fields(Model &model) {
     static constexpr auto fields = Model::fields();
     return std::apply(
         [&](const auto &...field) {
-            return std::array<BoundField, sizeof...(field)>{
-                BoundField{field.name, field.doc, field.unit_name, field.minimum, field.maximum,
-                           &(model.*field.member), &field_type<std::decay_t<decltype(model.*field.member)>>}...};
+            return std::array<BoundField, sizeof...(field)>{BoundField{
+                field.name, field.doc, field.unit_name, field.minimum, field.maximum, &(model.*field.member),
+                &field_type<std::decay_t<decltype(model.*field.member)>>}...};
         },
         fields);
 }

@@ -118,7 +118,8 @@ struct Described<BareBsdf> {
         return dict != nullptr;
     }
     static Value write(const BareBsdf &value) {
-        return Dict{{"type", match(value, [](const auto &model) { return std::decay_t<decltype(model)>::name; })}};
+        return Dict{
+            {"type", match(value, [](const auto &model) { return std::decay_t<decltype(model)>::name; })}};
     }
 };
 

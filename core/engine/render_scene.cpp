@@ -40,19 +40,23 @@ Dict box() {
                      Dict{{"type", "diffuse"}, {"reflectance", List{0.6, 0.06, 0.05}}},
                      Dict{{"type", "diffuse"}, {"reflectance", List{0.1, 0.45, 0.08}}},
                      Dict{{"type", "roughconductor"}, {"alpha", 0.2}}};
-    const List shapes{wall({1, 0, 0}, {0, 0, -1}, {0, 1, 0}, {0, -1, 0}, 0),
-                      wall({1, 0, 0}, {0, 0, 1}, {0, -1, 0}, {0, 1, 0}, 0),
-                      wall({1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, -1}, 0),
-                      wall({0, 0, -1}, {0, 1, 0}, {1, 0, 0}, {-1, 0, 0}, 1),
-                      wall({0, 0, 1}, {0, 1, 0}, {-1, 0, 0}, {1, 0, 0}, 2),
-                      wall({0.3, 0, 0}, {0, 0, 0.3}, {0, -1, 0}, {0, 0.99, 0}, 0, 0),
-                      Dict{{"type", "sphere"}, {"center", List{0.4, -0.6, -0.2}}, {"radius", 0.4}, {"material", 3}},
-                      Dict{{"type", "mesh"}, {"mesh", pyramid()}, {"material", 0}}};
+    const List shapes{
+        wall({1, 0, 0}, {0, 0, -1}, {0, 1, 0}, {0, -1, 0}, 0),
+        wall({1, 0, 0}, {0, 0, 1}, {0, -1, 0}, {0, 1, 0}, 0),
+        wall({1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, -1}, 0),
+        wall({0, 0, -1}, {0, 1, 0}, {1, 0, 0}, {-1, 0, 0}, 1),
+        wall({0, 0, 1}, {0, 1, 0}, {-1, 0, 0}, {1, 0, 0}, 2),
+        wall({0.3, 0, 0}, {0, 0, 0.3}, {0, -1, 0}, {0, 0.99, 0}, 0, 0),
+        Dict{{"type", "sphere"}, {"center", List{0.4, -0.6, -0.2}}, {"radius", 0.4}, {"material", 3}},
+        Dict{{"type", "mesh"}, {"mesh", pyramid()}, {"material", 0}}};
     return {{"bsdfs", bsdfs},
-            {"materials", List{Dict{{"front", 0}, {"back", 0}}, Dict{{"front", 1}}, Dict{{"front", 2}}, Dict{{"front", 3}}}},
+            {"materials", List{Dict{{"front", 0}, {"back", 0}}, Dict{{"front", 1}}, Dict{{"front", 2}},
+                               Dict{{"front", 3}}}},
             {"emitters", List{Dict{{"type", "area"}, {"radiance", List{18, 14, 8}}}}},
             {"shapes", shapes},
-            {"sensor", Dict{{"type", "perspective"}, {"fov", 40}, {"to_world", placed({-1, 0, 0}, {0, 1, 0}, {0, 0, -1}, {0, 0, 3.9})}}},
+            {"sensor", Dict{{"type", "perspective"},
+                            {"fov", 40},
+                            {"to_world", placed({-1, 0, 0}, {0, 1, 0}, {0, 0, -1}, {0, 0, 3.9})}}},
             {"film", Dict{{"width", 64}, {"height", 64}}},
             {"rfilter", Dict{{"type", "gaussian"}}},
             {"integrator", Dict{{"type", "path"}, {"max_depth", 8}}}};

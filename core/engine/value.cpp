@@ -8,12 +8,14 @@ namespace lajolla {
 
 namespace {
 
-std::string quoted(const std::string &text) { return "'" + text + "'"; }
+std::string quoted(const std::string &text) { return std::string("'").append(text).append("'"); }
 
-std::string joined(const auto &items, auto &&text) {
-    std::string result;
-    for (const auto &item : items) result += (result.empty() ? "" : ", ") + text(item);
-    return result;
+// text(item) of all items, with commas between them.
+std::string listed(const char *open, const auto &items, auto &&text, const char *close) {
+    std::string result = open;
+    const char *between = "";
+    for (const auto &item : items) result.append(std::exchange(between, ", ")).append(text(item));
+    return result.append(close);
 }
 
 std::string number_text(double value) {
@@ -36,10 +38,13 @@ std::string text_of(const Value &value) {
     if (const auto *integer = value.get_if<std::int64_t>()) return std::to_string(*integer);
     if (const auto *number = value.get_if<double>()) return number_text(*number);
     if (const auto *text = value.get_if<std::string>()) return quoted(*text);
-    if (const auto *list = value.get_if<List>()) return "[" + joined(*list, text_of) + "]";
-    if (const auto *dict = value.get_if<Dict>())
-        return "{" + joined(*dict, [](const Dict::Entry &e) { return quoted(e.first) + ": " + text_of(e.second); }) +
-               "}";
+    if (const auto *list = value.get_if<List>()) return listed("[", *list, text_of, "]");
+    if (const auto *dict = value.get_if<Dict>()) {
+        const auto entry_text = [](const Dict::Entry &e) {
+            return quoted(e.first) + ": " + text_of(e.second);
+        };
+        return listed("{", *dict, entry_text, "}");
+    }
     return value.is_nothing() ? "None" : "an object";
 }
 

@@ -1,6 +1,6 @@
 #pragma once
-// What descriptions are made of: plain values, lists and dicts of them, and objects that are handed on as they
-// are, such as meshes.
+// What descriptions are made of: plain values, lists and dicts of them, and objects that are handed on as
+// they are, such as meshes.
 
 #include <concepts>
 #include <cstdint>

@@ -1,5 +1,9 @@
 #pragma once
 
+#include "base/roomy.h"
+#include "base/vec.h"
+
+#include <array>
 #include <cstdint>
 #include <stdexcept>
 #include <string>
@@ -25,10 +29,12 @@ struct MeshData {
         uint32_t triangle_count;
     };
 
-    std::vector<float> positions;  // 3 per vertex
-    std::vector<float> normals;    // 3 per vertex, unit length; or empty
-    std::vector<float> uvs;        // 2 per vertex, as in the file (v is not flipped); or empty
-    std::vector<uint32_t> indices; // 3 per triangle
+    using Triangle = std::array<uint32_t, 3>;
+
+    RoomyVector<Vec3f> positions;
+    RoomyVector<Vec3f> normals; // one per vertex, unit length; or empty
+    RoomyVector<Vec2f> uvs;     // one per vertex, as in the file (v is not flipped); or empty
+    RoomyVector<Triangle> triangles;
     std::vector<Attribute> attributes;
     std::vector<Group> groups;                   // contiguous, in the order of the triangles; OBJ only
     std::vector<std::string> material_libraries; // `mtllib` names; OBJ only

@@ -22,6 +22,16 @@ struct Corner {
 class CornerTable {
 public:
     uint32_t number_of(const Corner &corner) {
+        if (corner.position >= latest.size()) latest.resize(corner.position + size_t{1}, absent);
+        uint32_t &number = latest[corner.position];
+        if (number == absent || corners[number] != corner) number = look_up(corner);
+        return number;
+    }
+
+    std::vector<Corner> corners;
+
+private:
+    uint32_t look_up(const Corner &corner) {
         if (2 * corners.size() >= slots.size()) grow();
         uint32_t &slot = find_slot(corner);
         if (slot == absent) {
@@ -31,9 +41,6 @@ public:
         return slot;
     }
 
-    std::vector<Corner> corners;
-
-private:
     uint32_t &find_slot(const Corner &corner) {
         size_t mask = slots.size() - 1;
         size_t i = hash(corner) & mask;
@@ -54,15 +61,18 @@ private:
     }
 
     std::vector<uint32_t> slots; // a power of two of them
+    std::vector<uint32_t>
+        latest; // by position: mostly the same corner again, and near the one before in memory
 };
 
 /// What the statements of the file have built up so far.
 struct ObjState {
-    std::vector<float> positions, uvs, normals; // as numbered by the file
-    std::vector<float> colors;                  // 3 per position; empty until the first coloured `v`
+    std::vector<Vec3f> positions, normals; // as numbered by the file
+    std::vector<Vec2f> uvs;
+    std::vector<Vec3f> colors; // one per position; empty until the first coloured `v`
     CornerTable table;
-    std::vector<uint32_t> indices;           // 3 per triangle, into the table
-    std::vector<uint32_t> triangle_material; // into `materials`
+    RoomyVector<MeshData::Triangle> triangles; // into the table
+    std::vector<uint32_t> triangle_material;   // into `materials`
     std::vector<std::string> materials{""};
     std::unordered_map<std::string, uint32_t> material_numbers{{"", 0}};
     uint32_t material = 0;
@@ -110,24 +120,24 @@ void read_position(TextCursor &text, ObjState &obj) {
         if (!std::isfinite(values[axis]))
             fail({text.at, text.end, line}, "the vertex position is not finite");
     if (count == 6) {
-        obj.colors.resize(obj.positions.size(), 1); // white where earlier vertices had none
-        obj.colors.insert(obj.colors.end(), values.begin() + 3, values.end());
+        obj.colors.resize(obj.positions.size(), Vec3f(1)); // white where earlier vertices had none
+        obj.colors.emplace_back(values[3], values[4], values[5]);
     } else if (!obj.colors.empty()) {
-        obj.colors.insert(obj.colors.end(), 3, 1.f);
+        obj.colors.emplace_back(1.f);
     }
-    obj.positions.insert(obj.positions.end(), values.begin(), values.begin() + 3);
+    obj.positions.emplace_back(values[0], values[1], values[2]);
 }
 
 void read_uv(TextCursor &text, ObjState &obj) {
     std::array<float, 2> values{};
     read_numbers(text, values, 1, "texture coordinate");
-    obj.uvs.insert(obj.uvs.end(), values.begin(), values.end());
+    obj.uvs.emplace_back(values[0], values[1]);
 }
 
 void read_normal(TextCursor &text, ObjState &obj) {
     std::array<float, 3> values{};
     read_numbers(text, values, 3, "normal");
-    obj.normals.insert(obj.normals.end(), values.begin(), values.end());
+    obj.normals.emplace_back(values[0], values[1], values[2]);
 }
 
 /// Indices count from 1, or backwards from the latest element if negative.
@@ -156,11 +166,11 @@ bool at_index(const TextCursor &text) {
 
 /// `v`, `v/vt`, `v//vn` or `v/vt/vn`; a slash at the end is harmless.
 Corner read_corner(TextCursor &text, const ObjState &obj) {
-    Corner corner{read_index(text, obj.positions.size() / 3, "vertex"), absent, absent};
+    Corner corner{read_index(text, obj.positions.size(), "vertex"), absent, absent};
     if (accept_slash(text)) {
-        if (at_index(text)) corner.uv = read_index(text, obj.uvs.size() / 2, "texture coordinate");
+        if (at_index(text)) corner.uv = read_index(text, obj.uvs.size(), "texture coordinate");
         if (accept_slash(text) && at_index(text))
-            corner.normal = read_index(text, obj.normals.size() / 3, "normal");
+            corner.normal = read_index(text, obj.normals.size(), "normal");
     }
     if (text.at != text.end && !is_blank(*text.at) && *text.at != '\n')
         fail(text, "face: expected v, v/vt, v//vn or v/vt/vn, found " + quote_word(text));
@@ -176,7 +186,7 @@ void read_face(TextCursor &text, ObjState &obj) {
         uint32_t corner = obj.table.number_of(read_corner(text, obj));
         if (count == 0) first = corner;
         if (count >= 2) {
-            obj.indices.insert(obj.indices.end(), {first, previous, corner});
+            obj.triangles.push_back({first, previous, corner});
             obj.triangle_material.push_back(obj.material);
         }
         previous = corner;
@@ -222,19 +232,28 @@ void read_statement(TextCursor &text, ObjState &obj) {
     else if (keyword == "g") end_part(obj);
 }
 
-/// The values that `numbers` picks from `values`; zero where absent. Empty if all are absent.
-template <class Number>
-std::vector<float> gather(const std::vector<Corner> &corners, const std::vector<float> &values,
-                          size_t channels, Number number) {
+/// What the corners' `number` picks from `values`; zero where absent. Empty if all are absent.
+template <class T>
+RoomyVector<T> gather(const std::vector<Corner> &corners, const std::vector<T> &values,
+                      uint32_t Corner::*number) {
     bool any = false;
-    std::vector<float> result(corners.size() * channels);
+    RoomyVector<T> result(corners.size());
     for (size_t i = 0; i < corners.size(); ++i) {
-        uint32_t source = number(corners[i]);
+        uint32_t source = corners[i].*number;
         if (source == absent) continue;
         any = true;
-        for (size_t c = 0; c < channels; ++c) result[i * channels + c] = values[source * channels + c];
+        result[i] = values[source];
     }
-    return any ? result : std::vector<float>();
+    return any ? std::move(result) : RoomyVector<T>();
+}
+
+MeshData::Attribute gather_colors(const ObjState &obj) {
+    MeshData::Attribute colors{"vertex_color", 3, false, {}};
+    for (const Corner &corner : obj.table.corners) {
+        const Vec3f &c = obj.colors[corner.position];
+        colors.values.insert(colors.values.end(), {c.x, c.y, c.z});
+    }
+    return colors;
 }
 
 /// Orders the triangles by material (counting sort, so the order within a material stays) and names the
@@ -246,11 +265,9 @@ void group_triangles(const ObjState &obj, MeshData &mesh) {
         if (next[m + 1] > 0) mesh.groups.push_back({obj.materials[m], next[m], next[m + 1]});
         next[m + 1] += next[m];
     }
-    mesh.indices.resize(obj.indices.size());
-    for (size_t i = 0; i < obj.triangle_material.size(); ++i) {
-        size_t target = next[obj.triangle_material[i]]++;
-        for (size_t k = 0; k < 3; ++k) mesh.indices[3 * target + k] = obj.indices[3 * i + k];
-    }
+    mesh.triangles.resize(obj.triangles.size());
+    for (size_t i = 0; i < obj.triangles.size(); ++i)
+        mesh.triangles[next[obj.triangle_material[i]]++] = obj.triangles[i];
 }
 
 } // namespace
@@ -267,14 +284,12 @@ MeshData read_obj(std::span<const std::byte> file, int shape_index) {
 
     MeshData mesh;
     const std::vector<Corner> &corners = obj.table.corners;
-    auto position = [](const Corner &c) { return c.position; };
-    mesh.positions = gather(corners, obj.positions, 3, position);
-    mesh.uvs = gather(corners, obj.uvs, 2, [](const Corner &c) { return c.uv; });
-    mesh.normals = gather(corners, obj.normals, 3, [](const Corner &c) { return c.normal; });
-    if (!obj.colors.empty())
-        mesh.attributes.push_back({"vertex_color", 3, false, gather(corners, obj.colors, 3, position)});
+    mesh.positions = gather(corners, obj.positions, &Corner::position);
+    mesh.uvs = gather(corners, obj.uvs, &Corner::uv);
+    mesh.normals = gather(corners, obj.normals, &Corner::normal);
+    if (!obj.colors.empty()) mesh.attributes.push_back(gather_colors(obj));
     if (obj.materials.size() > 1) group_triangles(obj, mesh);
-    else mesh.indices = std::move(obj.indices);
+    else mesh.triangles = std::move(obj.triangles);
     mesh.material_libraries = std::move(obj.libraries);
     finish(mesh);
     return mesh;

@@ -86,10 +86,15 @@ struct Field {
     std::string name;
     std::vector<size_t> properties; // positions in the element's list
     float scale = 1;
-    std::vector<float> values;
+    std::vector<float> values; // of attributes
 
+    float *write(std::span<const double> row, float *out) const {
+        for (size_t p : properties) *out++ = static_cast<float>(row[p]) * scale;
+        return out;
+    }
     void append(std::span<const double> row) {
-        for (size_t p : properties) values.push_back(static_cast<float>(row[p]) * scale);
+        values.resize(values.size() + properties.size());
+        write(row, values.data() + values.size() - properties.size());
     }
 };
 
@@ -211,6 +216,18 @@ MeshData::Attribute to_attribute(Field &field, bool per_face) {
     return {field.name, static_cast<int>(field.properties.size()), per_face, std::move(field.values)};
 }
 
+/// Where the values of a field of the vertices go.
+float *make_room(Field &field, size_t count, MeshData &mesh) {
+    auto resized = [&](auto &elements, size_t size) {
+        elements.resize(size);
+        return reinterpret_cast<float *>(elements.data());
+    };
+    if (field.name == "position") return resized(mesh.positions, count);
+    if (field.name == "normal") return resized(mesh.normals, count);
+    if (field.name == "uv") return resized(mesh.uvs, count);
+    return resized(field.values, count * field.properties.size());
+}
+
 template <class Source>
 void read_vertices(Source &source, const PlyElement &element, MeshData &mesh) {
     static constexpr std::array<std::string_view, 3> xyz{"x", "y", "z"}, normal{"nx", "ny", "nz"};
@@ -223,30 +240,28 @@ void read_vertices(Source &source, const PlyElement &element, MeshData &mesh) {
         if (add_field(fields, element, "uv", names)) break;
     add_attributes(fields, element, "vertex_");
 
-    for (Field &field : fields) field.values.reserve(element.count * field.properties.size());
+    std::vector<float *> targets;
+    for (Field &field : fields) targets.push_back(make_room(field, element.count, mesh));
     std::vector<double> row(element.properties.size()), unused;
     for (uint64_t i = 0; i < element.count; ++i) {
         read_row(source, element, row, row.size(), unused);
-        for (Field &field : fields) field.append(row);
+        for (size_t f = 0; f < fields.size(); ++f) targets[f] = fields[f].write(row, targets[f]);
     }
-    for (Field &field : fields) {
-        if (field.name == "position") mesh.positions = std::move(field.values);
-        else if (field.name == "normal") mesh.normals = std::move(field.values);
-        else if (field.name == "uv") mesh.uvs = std::move(field.values);
-        else mesh.attributes.push_back(to_attribute(field, false));
-    }
+    for (Field &field : fields)
+        if (field.name.starts_with("vertex_")) mesh.attributes.push_back(to_attribute(field, false));
 }
 
+using Triangles = RoomyVector<MeshData::Triangle>;
+
 /// Appends a polygon as a fan. Fewer than three corners make no triangle.
-void append_fan(std::span<const uint32_t> corners, std::vector<uint32_t> &indices) {
-    for (size_t i = 2; i < corners.size(); ++i)
-        indices.insert(indices.end(), {corners[0], corners[i - 1], corners[i]});
+void append_fan(std::span<const uint32_t> corners, Triangles &triangles) {
+    for (size_t i = 2; i < corners.size(); ++i) triangles.push_back({corners[0], corners[i - 1], corners[i]});
 }
 
 /// Appends a triangle strip; every other triangle is turned round, so that all face the same way.
-void append_strip(std::span<const uint32_t> corners, std::vector<uint32_t> &indices) {
+void append_strip(std::span<const uint32_t> corners, Triangles &triangles) {
     for (size_t i = 2; i < corners.size(); ++i)
-        indices.insert(indices.end(), {corners[i - 2 + i % 2], corners[i - 1 - i % 2], corners[i]});
+        triangles.push_back({corners[i - 2 + i % 2], corners[i - 1 - i % 2], corners[i]});
 }
 
 template <class Source>
@@ -256,22 +271,21 @@ uint32_t to_index(const Source &source, double value, uint64_t vertex_count) {
     return static_cast<uint32_t>(value);
 }
 
-/// Appends the triangles of one list of vertex indices. In strips, -1 starts a new one.
+/// Appends the triangles of one list of vertex indices. In strips, -1 starts a new one. `corners` is scratch.
 template <class Source>
 void append_triangles(const Source &source, std::span<const double> list, bool is_strip,
-                      uint64_t vertex_count, std::vector<uint32_t> &indices) {
-    std::vector<uint32_t> corners;
-    corners.reserve(list.size());
+                      uint64_t vertex_count, std::vector<uint32_t> &corners, Triangles &triangles) {
+    corners.clear();
     for (double value : list) {
         if (is_strip && value == -1) {
-            append_strip(corners, indices);
+            append_strip(corners, triangles);
             corners.clear();
         } else {
             corners.push_back(to_index(source, value, vertex_count));
         }
     }
-    if (is_strip) append_strip(corners, indices);
-    else append_fan(corners, indices);
+    if (is_strip) append_strip(corners, triangles);
+    else append_fan(corners, triangles);
 }
 
 size_t find_index_list(const PlyElement &element) {
@@ -291,14 +305,16 @@ void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count
     std::vector<Field> fields;
     add_attributes(fields, element, "face_");
 
+    const bool is_strip = element.name == "tristrips";
     std::vector<double> row(element.properties.size()), list_values;
+    std::vector<uint32_t> corners;
     for (uint64_t i = 0; i < element.count; ++i) {
         read_row(source, element, row, list, list_values);
-        size_t before = mesh.indices.size();
-        append_triangles(source, list_values, element.name == "tristrips", vertex_count, mesh.indices);
-        for (size_t k = before; k < mesh.indices.size(); k += 3)
+        size_t before = mesh.triangles.size();
+        append_triangles(source, list_values, is_strip, vertex_count, corners, mesh.triangles);
+        for (size_t k = before; k < mesh.triangles.size(); ++k)
             for (Field &field : fields) field.append(row);
-        if (mesh.indices.size() / 3 >= std::numeric_limits<uint32_t>::max())
+        if (mesh.triangles.size() >= std::numeric_limits<uint32_t>::max())
             source.fail("the mesh has more than 2^32 triangles");
     }
     for (Field &field : fields) mesh.attributes.push_back(to_attribute(field, true));

@@ -108,19 +108,21 @@ public:
         return from_little_endian<T>(bytes.data());
     }
 
-    /// Reads `count` values of type T, kept as type Out. Memory grows with the data that is really there.
-    template <class T, class Out>
-    std::vector<Out> read_array(uint64_t count) {
+    /// Reads `count` elements that are made of Out, each stored as T. Memory grows with the data that is
+    /// really there.
+    template <class T, class Out, class Elements>
+    void read_array(uint64_t count, Elements &elements) {
         constexpr uint64_t chunk = 1 << 14;
-        std::vector<Out> values;
-        std::vector<std::byte> bytes(chunk * sizeof(T));
-        while (values.size() < count) {
-            size_t n = static_cast<size_t>(std::min(chunk, count - values.size()));
-            read(std::span(bytes).first(n * sizeof(T)));
-            for (size_t i = 0; i < n; ++i)
-                values.push_back(static_cast<Out>(from_little_endian<T>(&bytes[i * sizeof(T)])));
+        constexpr size_t per_element = sizeof(elements[0]) / sizeof(Out);
+        std::vector<std::byte> bytes(chunk * per_element * sizeof(T));
+        while (elements.size() < count) {
+            size_t first = elements.size(), n = static_cast<size_t>(std::min(chunk, count - first));
+            read(std::span(bytes).first(n * per_element * sizeof(T)));
+            elements.resize(first + n);
+            auto *out = reinterpret_cast<Out *>(&elements[first]);
+            for (size_t i = 0; i < n * per_element; ++i)
+                out[i] = static_cast<Out>(from_little_endian<T>(&bytes[i * sizeof(T)]));
         }
-        return values;
     }
 
     [[noreturn]] void fail(const std::string &message) const {
@@ -174,22 +176,23 @@ MeshData read_mesh(Inflater &data, uint16_t version) {
     if (std::max(vertex_count, triangle_count) >= std::numeric_limits<uint32_t>::max())
         data.fail("the mesh claims more than 2^32 vertices or triangles");
 
-    auto read_floats = [&](uint64_t channels) {
-        uint64_t count = channels * vertex_count;
-        return flags & double_precision ? data.read_array<double, float>(count)
-                                        : data.read_array<float, float>(count);
+    auto read_floats = [&](uint64_t count, auto &elements) {
+        if (flags & double_precision) data.read_array<double, float>(count, elements);
+        else data.read_array<float, float>(count, elements);
     };
-    mesh.positions = read_floats(3);
-    if (flags & has_normals) mesh.normals = read_floats(3);
-    if (flags & face_normals) mesh.normals.clear();
+    read_floats(vertex_count, mesh.positions);
+    if (flags & has_normals) read_floats(vertex_count, mesh.normals);
+    if (flags & face_normals) mesh.normals = {};
     mesh.face_normals = (flags & face_normals) != 0;
-    if (flags & has_texcoords) mesh.uvs = read_floats(2);
-    if (flags & has_colors) mesh.attributes.push_back({"vertex_color", 3, false, read_floats(3)});
-    mesh.indices = data.read_array<uint32_t, uint32_t>(3 * triangle_count);
-    for (uint32_t index : mesh.indices)
-        if (index >= vertex_count)
-            data.fail("a triangle refers to vertex " + std::to_string(index) + " of " +
-                      std::to_string(vertex_count));
+    if (flags & has_texcoords) read_floats(vertex_count, mesh.uvs);
+    if (flags & has_colors)
+        read_floats(3 * vertex_count, mesh.attributes.emplace_back("vertex_color", 3, false).values);
+    data.read_array<uint32_t, uint32_t>(triangle_count, mesh.triangles);
+    for (const MeshData::Triangle &triangle : mesh.triangles)
+        for (uint32_t index : triangle)
+            if (index >= vertex_count)
+                data.fail("a triangle refers to vertex " + std::to_string(index) + " of " +
+                          std::to_string(vertex_count));
     return mesh;
 }
 

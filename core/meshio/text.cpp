@@ -56,10 +56,6 @@ void fail(const TextCursor &text, const std::string &message) {
     throw MeshError("line " + std::to_string(text.line) + ": " + message);
 }
 
-void skip_blanks(TextCursor &text) {
-    while (text.at != text.end && is_blank(*text.at)) ++text.at;
-}
-
 void skip_space(TextCursor &text) {
     for (skip_blanks(text); text.at != text.end && *text.at == '\n'; skip_blanks(text)) skip_line(text);
 }

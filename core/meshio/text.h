@@ -24,7 +24,9 @@ TextCursor text_cursor(std::span<const std::byte> file);
 inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
 /// Moves over blanks within the line.
-void skip_blanks(TextCursor &text);
+inline void skip_blanks(TextCursor &text) {
+    while (text.at != text.end && is_blank(*text.at)) ++text.at;
+}
 
 /// Moves over blanks and line ends.
 void skip_space(TextCursor &text);

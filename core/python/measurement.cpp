@@ -1,6 +1,13 @@
 #include "python/measurement.h"
 
+#include <nanobind/stl/shared_ptr.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
 #include "python/arrays.h"
+#include "scatter/measured.h"
 
 namespace lajolla {
 

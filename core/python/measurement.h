@@ -1,20 +1,10 @@
 #pragma once
-// Measured materials as Python objects, and how descriptions carry them.
+// Measured materials as Python objects.
 
-#include "python/meshes.h"
-#include "scatter/measured.h"
+#include <nanobind/nanobind.h>
 
 namespace lajolla {
 
-template <>
-struct Described<std::shared_ptr<const Measurement>> {
-    static constexpr const char *type = "measurement", *expected = "a Measurement, or None";
-    static bool read(nb::handle source, std::shared_ptr<const Measurement> &value) {
-        return source.is_none() || DescribedObject<Measurement>::read(source, value);
-    }
-    static nb::object write(const std::shared_ptr<const Measurement> &) { return nb::none(); }
-};
-
-void bind_measurements(nb::module_ &m);
+void bind_measurements(nanobind::module_ &m);
 
 } // namespace lajolla

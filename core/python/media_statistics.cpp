@@ -2,8 +2,9 @@
 
 #include "python/statistics.h"
 
+#include "engine/media.h"
 #include "python/arrays.h"
-#include "python/media.h"
+#include "python/values.h"
 
 namespace lajolla {
 
@@ -102,8 +103,8 @@ nb::object majorants_along(const Media &self, std::int32_t medium, const Column 
 void bind_media_statistics(nb::module_ &m) {
     nb::class_<Media>(m, "Media",
                       "Media by themselves, outside a scene: what the statistical tests see of them.")
-        .def(nb::new_([](const nb::dict &description) { return read_media(description); }), "description"_a,
-             "The lists \"volumes\", \"phases\" and \"media\" of a scene's description.")
+        .def(nb::new_([](const nb::dict &description) { return with_dict(description, read_media); }),
+             "description"_a, "The lists \"volumes\", \"phases\" and \"media\" of a scene's description.")
         .def("phase_sample_many", &phase_sample_many, "phase"_a, "wo"_a, "u"_a, "position"_a,
              "Samples wi given wo (1 or N, 3) with u (N, 3) = u_lobe, u.x, u.y at position (1 or N, 3): wi "
              "(N, 3) and pdf (N,) per solid angle, which is the phase function's value.")

@@ -31,14 +31,12 @@ struct LoadedMesh : Mesh {
     bool face_normals = false;
 };
 
-template <class Element, std::size_t N, class T>
-std::vector<Element> elements(const Table<T, N> &table) {
+template <std::size_t N, class Elements, class T>
+void assign(Elements &elements, const Table<T, N> &table) {
+    using Element = typename Elements::value_type;
     static_assert(sizeof(Element) == N * sizeof(T));
-    std::vector<Element> result;
-    result.reserve(table.shape(0) + 2); // room for the ray tracer behind the last position
     const auto *first = reinterpret_cast<const Element *>(table.data());
-    result.assign(first, first + table.shape(0));
-    return result;
+    elements.assign(first, first + table.shape(0));
 }
 
 // A NumPy view of memory that `owner` keeps alive.
@@ -51,26 +49,22 @@ std::shared_ptr<LoadedMesh> make_mesh(const Table<float, 3> &vertices, const Tab
                                       const std::optional<Table<float, 3>> &normals,
                                       const std::optional<Table<float, 2>> &uvs) {
     auto mesh = std::make_shared<LoadedMesh>();
-    mesh->positions = elements<Vec3f, 3>(vertices);
-    mesh->triangles = elements<Triangle, 3>(faces);
-    if (normals) mesh->normals = elements<Vec3f, 3>(*normals);
-    if (uvs) mesh->uvs = elements<Vec2f, 2>(*uvs);
+    assign<3>(mesh->positions, vertices);
+    assign<3>(mesh->triangles, faces);
+    if (normals) assign<3>(mesh->normals, *normals);
+    if (uvs) assign<2>(mesh->uvs, *uvs);
     validate(*mesh);
     return mesh;
 }
 
-std::shared_ptr<LoadedMesh> from_file(MeshData data) {
+std::shared_ptr<LoadedMesh> from_file(MeshData data, bool flip_uvs) {
     auto mesh = std::make_shared<LoadedMesh>();
-    const auto copy = [](const auto &flat, auto &target, std::size_t n) {
-        using Element = typename std::decay_t<decltype(target)>::value_type;
-        target.reserve(flat.size() / n + 2);
-        const auto *first = reinterpret_cast<const Element *>(flat.data());
-        target.assign(first, first + flat.size() / n);
-    };
-    copy(data.positions, mesh->positions, 3);
-    copy(data.normals, mesh->normals, 3);
-    copy(data.uvs, mesh->uvs, 2);
-    copy(data.indices, mesh->triangles, 3);
+    mesh->positions = std::move(data.positions);
+    mesh->normals = std::move(data.normals);
+    mesh->uvs = std::move(data.uvs);
+    mesh->triangles = std::move(data.triangles);
+    if (flip_uvs)
+        for (Vec2f &uv : mesh->uvs) uv.y = 1 - uv.y;
     for (auto &attribute : data.attributes)
         mesh->attributes[attribute.name] = {static_cast<std::uint32_t>(attribute.channels),
                                             attribute.per_face, std::move(attribute.values)};
@@ -81,15 +75,23 @@ std::shared_ptr<LoadedMesh> from_file(MeshData data) {
     return mesh;
 }
 
-std::vector<std::byte> read_file(const std::filesystem::path &path) {
+struct FileContents {
+    std::unique_ptr<std::byte[]> data;
+    std::size_t size;
+    std::span<const std::byte> bytes() const { return {data.get(), size}; }
+};
+
+FileContents read_file(const std::filesystem::path &path) {
     if (!std::filesystem::is_regular_file(path)) throw MeshError("not a file that can be read");
     std::ifstream file(path, std::ios::binary | std::ios::ate);
     const std::streamoff size = file ? static_cast<std::streamoff>(file.tellg()) : -1;
     if (size < 0) throw MeshError("cannot read the file");
-    std::vector<std::byte> bytes(static_cast<std::size_t>(size));
+    FileContents contents{std::make_unique_for_overwrite<std::byte[]>(static_cast<std::size_t>(size)),
+                          static_cast<std::size_t>(size)};
     file.seekg(0);
-    if (!file.read(reinterpret_cast<char *>(bytes.data()), size)) throw MeshError("cannot read the file");
-    return bytes;
+    if (!file.read(reinterpret_cast<char *>(contents.data.get()), size))
+        throw MeshError("cannot read the file");
+    return contents;
 }
 
 nb::dict attributes(nb::handle self) {
@@ -128,17 +130,11 @@ std::shared_ptr<LoadedMesh> part(const LoadedMesh &mesh, std::size_t first, std:
     return result;
 }
 
-std::shared_ptr<LoadedMesh> with_flipped_uvs(const LoadedMesh &mesh) {
-    auto result = std::make_shared<LoadedMesh>(mesh);
-    for (Vec2f &uv : result->uvs) uv.y = 1 - uv.y;
-    return result;
-}
-
 std::shared_ptr<CurveSet>
 make_curves(const Table<float, 4> &points,
             const nb::ndarray<const std::uint32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu> &segments) {
     auto curves = std::make_shared<CurveSet>();
-    curves->points = elements<std::array<float, 4>, 4>(points);
+    assign<4>(curves->points, points);
     curves->segments.assign(segments.data(), segments.data() + segments.size());
     return curves;
 }
@@ -210,8 +206,7 @@ void bind_meshes(nb::module_ &m) {
         .def("with_vertex_normals", &with_normals, "to_world"_a,
              "A mesh with angle-weighted normals at its vertices, as they are in the world.")
         .def("part", &part, "first_face"_a, "count"_a, "A mesh of consecutive faces.")
-        .def_ro("face_normals", &LoadedMesh::face_normals, "Whether the file asks for flat faces.")
-        .def("flip_uvs", &with_flipped_uvs, "A mesh whose v runs the other way.");
+        .def_ro("face_normals", &LoadedMesh::face_normals, "Whether the file asks for flat faces.");
 
     nb::class_<CurveSet>(m, "Curves", "Control points of curves.")
         .def(nb::new_(&make_curves), "points"_a, "segments"_a,
@@ -235,21 +230,25 @@ void bind_meshes(nb::module_ &m) {
 
     m.def(
         "load_obj",
-        [](const std::filesystem::path &path, int index) {
-            return from_file(read_obj(read_file(path), index));
+        [](const std::filesystem::path &path, int index, bool flip_uvs) {
+            return from_file(read_obj(read_file(path).bytes(), index), flip_uvs);
         },
-        "path"_a, "shape_index"_a = -1,
-        "Reads a Wavefront OBJ file, or one of the parts between its \"g\" and \"usemtl\" lines. Raises "
-        "MeshError.");
+        "path"_a, "shape_index"_a = -1, "flip_uvs"_a = false,
+        "Reads a Wavefront OBJ file, or one of the parts between its \"g\" and \"usemtl\" lines; flip_uvs: v "
+        "runs the other way. Raises MeshError.");
     m.def(
-        "load_ply", [](const std::filesystem::path &path) { return from_file(read_ply(read_file(path))); },
-        "path"_a, "Reads a PLY file, text or binary. Raises MeshError.");
+        "load_ply",
+        [](const std::filesystem::path &path, bool flip_uvs) {
+            return from_file(read_ply(read_file(path).bytes()), flip_uvs);
+        },
+        "path"_a, "flip_uvs"_a = false, "Reads a PLY file, text or binary. Raises MeshError.");
     m.def(
         "load_serialized",
-        [](const std::filesystem::path &path, int index) {
-            return from_file(read_serialized(read_file(path), index));
+        [](const std::filesystem::path &path, int index, bool flip_uvs) {
+            return from_file(read_serialized(read_file(path).bytes(), index), flip_uvs);
         },
-        "path"_a, "shape_index"_a = 0, "Reads one mesh of a Mitsuba 0.6 .serialized file. Raises MeshError.");
+        "path"_a, "shape_index"_a = 0, "flip_uvs"_a = false,
+        "Reads one mesh of a Mitsuba 0.6 .serialized file. Raises MeshError.");
 }
 
 } // namespace lajolla

@@ -1,11 +1,12 @@
 #include <nanobind/nanobind.h>
 
-#include "python/describe.h"
+#include "engine/build.h"
+#include "python/grids.h"
 #include "python/measurement.h"
-#include "python/media.h"
 #include "python/meshes.h"
 #include "python/scene.h"
 #include "python/statistics.h"
+#include "python/values.h"
 
 namespace nb = nanobind;
 
@@ -13,10 +14,11 @@ NB_MODULE(_core, m) {
     m.doc() = "The renderer's core.";
     nb::exception<lajolla::DescriptionError>(m, "DescriptionError", PyExc_ValueError).doc() =
         "A description that does not fit its model.";
-    m.def("schema", &lajolla::schema,
-          "Every model and its fields: {kind: {name: {'doc': str, 'fields': [{'name', 'type', 'default', "
-          "'minimum', "
-          "'maximum', 'unit', 'choices', 'doc'}]}}}.");
+    m.def(
+        "schema", [] { return lajolla::object_of(lajolla::schema()); },
+        "Every model and its fields: {kind: {name: {'doc': str, 'fields': [{'name', 'type', 'default', "
+        "'minimum', "
+        "'maximum', 'unit', 'choices', 'doc'}]}}}.");
     lajolla::bind_meshes(m);
     lajolla::bind_grids(m);
     lajolla::bind_measurements(m);

@@ -7,9 +7,9 @@
 #include <optional>
 #include <vector>
 
+#include "engine/renderable.h"
 #include "python/arrays.h"
-#include "python/describe.h"
-#include "python/scene.h"
+#include "python/values.h"
 #include "transport/visibility.h"
 
 namespace lajolla {
@@ -158,7 +158,7 @@ nb::dict shape_sample_many(const RenderableScene &self, std::uint32_t index, con
 
 // The closest hits of rays; none where a ray meets nothing.
 std::vector<std::optional<Hit<float>>> closest_hits(const Scene &scene, const Rows<3> &origins,
-                                             const Rows<3> &directions) {
+                                                    const Rows<3> &directions) {
     require_one_or(origins.shape(0), directions.shape(0), "origins");
     std::vector<std::optional<Hit<float>>> hits(directions.shape(0));
     for (std::size_t i = 0; i < hits.size(); ++i) {

@@ -14,9 +14,9 @@
 #include "base/frame.h"
 #include "base/sampler.h"
 #include "base/warp.h"
+#include "engine/described.h"
 #include "python/arrays.h"
-#include "python/coated.h"
-#include "python/describe.h"
+#include "python/values.h"
 #include "scatter/bsdfs.h"
 #include "scene/hit.h"
 
@@ -324,7 +324,7 @@ nb::object transform_inverse(nb::handle matrix) {
     Transform transform;
     read_value(matrix, transform, "matrix");
     const auto result = inverse(transform);
-    return result ? Described<Transform>::write(*result) : nb::none();
+    return result ? object_of(Described<Transform>::write(*result)) : nb::none();
 }
 
 } // namespace

@@ -81,7 +81,8 @@ private:
     static Value text(PyObject *o) {
         Py_ssize_t size = 0;
         const char *const text = PyUnicode_AsUTF8AndSize(o, &size);
-        return conversion_failed() ? Value(Object()) : Value(std::string(text, static_cast<std::size_t>(size)));
+        return conversion_failed() ? Value(Object())
+                                   : Value(std::string(text, static_cast<std::size_t>(size)));
     }
 
     Dict dict(PyObject *o) {
@@ -135,7 +136,8 @@ nb::object origin_of(const Value *part, const Value &value, nb::handle source) {
     nb::object found;
     if (const List *const list = value.get_if<List>()) {
         for (std::size_t i = 0; i < list->size() && !found.is_valid(); ++i)
-            if (const nb::object item = nb::steal(PySequence_GetItem(source.ptr(), static_cast<Py_ssize_t>(i))))
+            if (const nb::object item =
+                    nb::steal(PySequence_GetItem(source.ptr(), static_cast<Py_ssize_t>(i))))
                 found = origin_of(part, (*list)[i], item);
     } else if (const Dict *const dict = value.get_if<Dict>()) {
         PyObject *key = nullptr, *item = nullptr;

@@ -20,24 +20,30 @@ void for_each_child(const Adapter &adapter, F &&f) {
     });
 }
 
-Vec3f turned(const BumpMap &bump, const TextureReader<float> &read, const Hit<float> &hit, const MappedNormal<float> &normal) {
-    const Vec2f slope = read.gradient(bump.map);
+template <class Float>
+Vec3<Float> turned(const BumpMap &bump, const TextureReader<Float> &read, const Hit<Float> &hit,
+                   const MappedNormal<Float> &normal) {
+    const Vec2<Float> slope = read.gradient(bump.map);
     return bumped(normal.n, hit.dp_du, hit.dp_dv, bump.scale * slope.x, bump.scale * slope.y);
 }
 
-Vec3f turned(const NormalMap &map, const TextureReader<float> &read, const Hit<float> &, MappedNormal<float> &normal) {
-    const Spectrum value = read(map.normalmap);
-    const Frame<float> frame = frame_along(normal.n, normal.tangent);
+template <class Float>
+Vec3<Float> turned(const NormalMap &map, const TextureReader<Float> &read, const Hit<Float> &,
+                   MappedNormal<Float> &normal) {
+    const Rgb<Float> value = read(map.normalmap);
+    const Frame<Float> frame = frame_along(normal.n, normal.tangent);
     normal.tangent = frame.s;
-    const Vec3f t = normal.mirrored ? -frame.t : frame.t;
-    const Vec3f n = frame.s * (map.scale * (2 * value.x - 1)) + t * (map.scale * (2 * value.y - 1)) +
-                    frame.n * (2 * value.z - 1);
-    const float squared = length_squared(n);
-    return squared > 0 && isfinite(squared) ? n * (1 / sqrt(squared)) : normal.n;
+    const Vec3<Float> t = select(normal.mirrored, -frame.t, frame.t);
+    const Vec3<Float> n = frame.s * (map.scale * (2 * value.x - 1)) + t * (map.scale * (2 * value.y - 1)) +
+                          frame.n * (2 * value.z - 1);
+    const Float squared = length_squared(n);
+    return select(squared > 0.0f && isfinite(squared), n * (1 / sqrt(squared)), normal.n);
 }
 
-void turn(const auto &map, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo, MappedNormal<float> &normal) {
-    const Vec3f before = normal.n;
+template <class Float>
+void turn_by(const auto &map, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
+             MappedNormal<Float> &normal) {
+    const Vec3<Float> before = normal.n;
     normal.n = turned(map, read, hit, normal);
     if (map.flip_invalid_normals) normal.n = facing(normal.n, before, wo);
     normal.turned_by_maps = true;
@@ -45,7 +51,9 @@ void turn(const auto &map, const TextureReader<float> &read, const Hit<float> &h
 }
 
 // Two materials, the second of which has the share `weight`.
-NullTransmission<float> blend(float weight, const NullTransmission<float> &first, const NullTransmission<float> &second) {
+template <class Float>
+NullTransmission<Float> blend(Float weight, const NullTransmission<Float> &first,
+                              const NullTransmission<Float> &second) {
     return {first.transmittance * (1 - weight) + second.transmittance * weight,
             lerp(weight, first.probability, second.probability)};
 }
@@ -88,85 +96,79 @@ Materials::Materials(std::vector<Material> materials, std::vector<Adapter> adapt
     }
 }
 
-NullTransmission<float> Materials::null_transmission(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
-                           MappedNormal<float> normal) const {
+template <class Float>
+void turn(const BumpMap &map, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
+          MappedNormal<Float> &normal) {
+    turn_by(map, read, hit, wo, normal);
+}
+template <class Float>
+void turn(const NormalMap &map, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
+          MappedNormal<Float> &normal) {
+    turn_by(map, read, hit, wo, normal);
+}
+
+template <class Float>
+NullTransmission<Float> Materials::null_transmission(MaterialId id, const TextureReader<Float> &read,
+                                                     const Hit<Float> &hit, const Vec3<Float> &wo,
+                                                     MappedNormal<Float> normal) const {
     if (!has_null_transmission(id)) return {};
     if (id.adapter < 0) {
         const auto [behind, geometric, n] = seen_from(wo, hit.normal, normal);
-        const float z = dot(n == geometric ? n : with_mirror_image_above(n, geometric, wo), wo);
-        return match(bsdfs_[static_cast<std::size_t>(id.bsdf)], [&](const auto &model) -> NullTransmission<float> {
-            const auto lobe = prepare_lobe<float>(model, read);
-            if constexpr (requires { lobe.null_transmission(wo); })
-                return lobe.null_transmission(Vec3f{safe_sqrt(1 - z * z), 0, z});
-            else return {};
+        const Float z = dot(select(n == geometric, n, with_mirror_image_above(n, geometric, wo)), wo);
+        return match(bsdfs_[static_cast<std::size_t>(id.bsdf)], [&](const auto &model) -> NullTransmission<Float> {
+            if constexpr (!is_wide<Float> || IsWide<std::decay_t<decltype(model)>>) {
+                const auto lobe = prepare_lobe<Float>(model, read);
+                if constexpr (requires { lobe.null_transmission(wo); })
+                    return lobe.null_transmission(Vec3<Float>{safe_sqrt(1 - z * z), 0, z});
+            }
+            return {};
         });
     }
-    return match(adapter(id), [&](const auto &a) -> NullTransmission<float> {
+    const auto fraction = [&](const Texture<float> &texture) { return clamp(read(texture), 0.0f, 1.0f); };
+    return match(adapter(id), [&](const auto &a) -> NullTransmission<Float> {
         using Model = std::decay_t<decltype(a)>;
-        if constexpr (std::is_same_v<Model, Blend>)
-            return blend(clamp(read(a.weight), 0.0f, 1.0f), null_transmission(a.first, read, hit, wo, normal),
+        if constexpr (std::is_same_v<Model, Blend>) {
+            return blend(fraction(a.weight), null_transmission(a.first, read, hit, wo, normal),
                          null_transmission(a.second, read, hit, wo, normal));
-        else if constexpr (std::is_same_v<Model, Mask>)
-            return blend(clamp(read(a.opacity), 0.0f, 1.0f), {Spectrum(1), 1},
-                         null_transmission(a.child, read, hit, wo, normal));
-        else {
+        } else if constexpr (std::is_same_v<Model, Mask>) {
+            const NullTransmission<Float> all{Rgb<Float>(1), 1};
+            return blend(fraction(a.opacity), all, null_transmission(a.child, read, hit, wo, normal));
+        } else {
             turn(a, read, hit, wo, normal);
             return null_transmission(a.child, read, hit, wo, normal);
         }
     });
 }
 
-float Materials::share_of_second(const Blend &blend, const TextureReader<float> &read, const Hit<float> &hit,
-                                 const Vec3f &wo, const MappedNormal<float> &normal) const {
-    const float weight = clamp(read(blend.weight), 0.0f, 1.0f);
+template <class Float>
+Float Materials::share_of_second(const Blend &blend, const TextureReader<Float> &read, const Hit<Float> &hit,
+                                 const Vec3<Float> &wo, const MappedNormal<Float> &normal) const {
+    const Float weight = clamp(read(blend.weight), 0.0f, 1.0f);
     const auto stopped = [&](MaterialId child) {
         return 1 - null_transmission(child, read, hit, wo, normal).probability;
     };
-    const float first = (1 - weight) * stopped(blend.first), second = weight * stopped(blend.second);
-    return first + second > 0 ? second / (first + second) : 0;
+    const Float first = (1 - weight) * stopped(blend.first), second = weight * stopped(blend.second);
+    return select(first + second > 0.0f, second / (first + second), Float(0));
 }
 
-std::int32_t Materials::choose(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
-                               float u, MappedNormal<float> &normal) const {
-    while (id.adapter >= 0)
-        match(adapter(id), [&](const auto &a) {
-            using Model = std::decay_t<decltype(a)>;
-            if constexpr (std::is_same_v<Model, Blend>) {
-                id = passes(share_of_second(a, read, hit, wo, normal), u) ? a.second : a.first;
-            } else {
-                if constexpr (!std::is_same_v<Model, Mask>) turn(a, read, hit, wo, normal);
-                id = a.child;
-            }
-        });
-    return id.bsdf;
-}
-
-SmallBlend Materials::leaves(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
-                             const MappedNormal<float> &normal) const {
-    SmallBlend result;
-    add_leaves(id, read, hit, wo, normal, 1, result);
-    return result;
-}
-
-void Materials::add_leaves(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
-                           MappedNormal<float> normal, float share, SmallBlend &leaves) const {
-    if (share == 0) return;
-    if (id.adapter < 0) {
-        leaves.leaf[static_cast<std::size_t>(leaves.count++)] = {id.bsdf, normal, share};
-        return;
-    }
-    match(adapter(id), [&](const auto &a) {
-        using Model = std::decay_t<decltype(a)>;
-        if constexpr (std::is_same_v<Model, Blend>) {
-            const float second = share_of_second(a, read, hit, wo, normal);
-            add_leaves(a.first, read, hit, wo, normal, share * (1 - second), leaves);
-            add_leaves(a.second, read, hit, wo, normal, share * second, leaves);
-        } else {
-            if constexpr (!std::is_same_v<Model, Mask>) turn(a, read, hit, wo, normal);
-            add_leaves(a.child, read, hit, wo, normal, share, leaves);
-        }
-    });
-}
+template NullTransmission<float> Materials::null_transmission(MaterialId, const TextureReader<float> &,
+                                                          const Hit<float> &, const Vec3<float> &,
+                                                          MappedNormal<float>) const;
+template float Materials::share_of_second(const Blend &, const TextureReader<float> &, const Hit<float> &,
+                                          const Vec3<float> &, const MappedNormal<float> &) const;
+template void turn(const BumpMap &, const TextureReader<float> &, const Hit<float> &, const Vec3<float> &,
+                   MappedNormal<float> &);
+template void turn(const NormalMap &, const TextureReader<float> &, const Hit<float> &, const Vec3<float> &,
+                   MappedNormal<float> &);
+template NullTransmission<WideFloat> Materials::null_transmission(MaterialId, const TextureReader<WideFloat> &,
+                                                          const Hit<WideFloat> &, const Vec3<WideFloat> &,
+                                                          MappedNormal<WideFloat>) const;
+template WideFloat Materials::share_of_second(const Blend &, const TextureReader<WideFloat> &, const Hit<WideFloat> &,
+                                          const Vec3<WideFloat> &, const MappedNormal<WideFloat> &) const;
+template void turn(const BumpMap &, const TextureReader<WideFloat> &, const Hit<WideFloat> &, const Vec3<WideFloat> &,
+                   MappedNormal<WideFloat> &);
+template void turn(const NormalMap &, const TextureReader<WideFloat> &, const Hit<WideFloat> &, const Vec3<WideFloat> &,
+                   MappedNormal<WideFloat> &);
 
 std::int32_t Materials::first_bsdf(MaterialId id) const {
     while (id.adapter >= 0) {

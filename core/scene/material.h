@@ -95,18 +95,13 @@ struct NormalMap {
 
 using Adapter = std::variant<Blend, Mask, BumpMap, NormalMap>;
 
-// The BSDFs of a blend at a hit: what maps make of the normal there, and the share of the light that each has
-// of what does not pass straight through.
-struct SmallBlend {
-    static constexpr int most = 4;
-    struct Leaf {
-        std::int32_t bsdf = -1;
-        MappedNormal<float> normal{};
-        float share = 0;
-    };
-    std::array<Leaf, most> leaf;
-    int count = 0;
-};
+// Turns the normal as a map does at a hit, seen from `wo`.
+template <class Float>
+void turn(const BumpMap &map, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
+          MappedNormal<Float> &normal);
+template <class Float>
+void turn(const NormalMap &map, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
+          MappedNormal<Float> &normal);
 
 // The materials of a scene, ready to be asked at hits.
 class Materials {
@@ -122,24 +117,37 @@ public:
     bool has_null_transmission() const { return has_null_transmission_; }
 
     // The light that passes straight through, seen from `wo`. `normal` is that before maps turn it.
-    NullTransmission<float> null_transmission(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
-                    MappedNormal<float> normal) const;
+    template <class Float>
+    NullTransmission<Float> null_transmission(MaterialId id, const TextureReader<Float> &read, const Hit<Float> &hit,
+                                              const Vec3<Float> &wo, MappedNormal<Float> normal) const;
 
-    // The BSDF that scatters what does not pass straight through, chosen with the probability of its share of
-    // it by a uniform number; -1 for black. Maps on the way to it turn the normal.
-    std::int32_t choose(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo, float u,
-                        MappedNormal<float> &normal) const;
+    // Calls f(bsdf, normal, chosen) for the BSDFs (-1 is black) that scatter what does not pass straight through, each
+    // chosen with the probability of its share of it by a uniform number. Maps on the way to it turn the normal.
+    template <class Float, class F>
+    void choose(MaterialId id, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
+                Float u, MappedNormal<Float> normal, BoolOf<Float> active, F &&f) const;
 
     // Whether a tree mixes BSDFs, and so few of them that looking at each is worth its time.
     bool is_small_blend(MaterialId id) const {
+        constexpr int most_leaves = 4;
         if (id.adapter < 0) return false;
         const int leaves = adapter_leaves_[static_cast<std::size_t>(id.adapter)];
-        return leaves > 1 && leaves <= SmallBlend::most;
+        return leaves > 1 && leaves <= most_leaves;
     }
+    // Calls f(bsdf, normal, share) for what choose() may choose, with its probability times `share`.
+    template <class Float, class F>
+    void for_each_leaf(MaterialId id, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
+                       MappedNormal<Float> normal, Float share, F &&f) const;
 
-    // What choose() may choose at a small blend, each with its probability.
-    SmallBlend leaves(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
-                      const MappedNormal<float> &normal) const;
+    // Calls f(bsdf) for all BSDFs of a tree.
+    template <class F>
+    void for_each_bsdf(MaterialId id, F &&f) const;
+
+    // Whether light may pass straight through.
+    bool has_null_transmission(MaterialId id) const {
+        return id.adapter >= 0 ? adapter_transmits_[static_cast<std::size_t>(id.adapter)]
+                               : id.bsdf >= 0 && bsdf_transmits_[static_cast<std::size_t>(id.bsdf)];
+    }
 
     // The BSDF that is reached first.
     std::int32_t first_bsdf(MaterialId id) const;
@@ -147,16 +155,9 @@ public:
 private:
     const Adapter &adapter(MaterialId id) const { return adapters_[static_cast<std::size_t>(id.adapter)]; }
     // Of what a blend stops of the light, the part that its second material stops.
-    float share_of_second(const Blend &blend, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
-                          const MappedNormal<float> &normal) const;
-    void add_leaves(MaterialId id, const TextureReader<float> &read, const Hit<float> &hit, const Vec3f &wo,
-                    MappedNormal<float> normal, float share, SmallBlend &leaves) const;
-
-    // Whether light may pass straight through.
-    bool has_null_transmission(MaterialId id) const {
-        return id.adapter >= 0 ? adapter_transmits_[static_cast<std::size_t>(id.adapter)]
-                               : id.bsdf >= 0 && bsdf_transmits_[static_cast<std::size_t>(id.bsdf)];
-    }
+    template <class Float>
+    Float share_of_second(const Blend &blend, const TextureReader<Float> &read, const Hit<Float> &hit,
+                          const Vec3<Float> &wo, const MappedNormal<Float> &normal) const;
 
     std::vector<Material> materials_;
     std::vector<Adapter> adapters_;
@@ -165,5 +166,50 @@ private:
     std::vector<int> adapter_leaves_;
     bool has_null_transmission_ = false;
 };
+
+template <class Float, class F>
+void Materials::choose(MaterialId id, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
+                       Float u, MappedNormal<Float> normal, BoolOf<Float> active, F &&f) const {
+    if (!any(active)) return;
+    if (id.adapter < 0) return f(id.bsdf, normal, active);
+    match(adapter(id), [&](const auto &a) {
+        using Model = std::decay_t<decltype(a)>;
+        if constexpr (std::is_same_v<Model, Blend>) {
+            const auto second = passes(share_of_second(a, read, hit, wo, normal), u);
+            choose(a.first, read, hit, wo, u, normal, active && !second, f);
+            choose(a.second, read, hit, wo, u, normal, active && second, f);
+        } else {
+            if constexpr (!std::is_same_v<Model, Mask>) turn(a, read, hit, wo, normal);
+            choose(a.child, read, hit, wo, u, normal, active, f);
+        }
+    });
+}
+
+template <class Float, class F>
+void Materials::for_each_leaf(MaterialId id, const TextureReader<Float> &read, const Hit<Float> &hit,
+                              const Vec3<Float> &wo, MappedNormal<Float> normal, Float share, F &&f) const {
+    if (!any(share != 0.0f)) return;
+    if (id.adapter < 0) return f(id.bsdf, normal, share);
+    match(adapter(id), [&](const auto &a) {
+        using Model = std::decay_t<decltype(a)>;
+        if constexpr (std::is_same_v<Model, Blend>) {
+            const Float second = share_of_second(a, read, hit, wo, normal);
+            for_each_leaf(a.first, read, hit, wo, normal, share * (1 - second), f);
+            for_each_leaf(a.second, read, hit, wo, normal, share * second, f);
+        } else {
+            if constexpr (!std::is_same_v<Model, Mask>) turn(a, read, hit, wo, normal);
+            for_each_leaf(a.child, read, hit, wo, normal, share, f);
+        }
+    });
+}
+
+template <class F>
+void Materials::for_each_bsdf(MaterialId id, F &&f) const {
+    if (id.adapter < 0) return f(id.bsdf);
+    match(adapter(id), [&](const auto &a) {
+        if constexpr (requires { a.child; }) for_each_bsdf(a.child, f);
+        else for_each_bsdf(a.first, f), for_each_bsdf(a.second, f);
+    });
+}
 
 } // namespace lajolla

@@ -122,7 +122,6 @@ Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count) {
         }
         part.triangles.push_back(triangle);
     }
-    part.positions.reserve(source.size() + 2); // room for the ray tracer, see accel.cpp
     for (const std::uint32_t old : source) {
         part.positions.push_back(mesh.positions[old]);
         if (!mesh.normals.empty()) part.normals.push_back(mesh.normals[old]);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/roomy.h"
 #include "base/transform.h"
 
 namespace lajolla {
@@ -20,10 +21,10 @@ struct Mesh {
         std::vector<float> values;
     };
 
-    std::vector<Vec3f> positions;
-    std::vector<Vec3f> normals; // unit length, one per vertex, or none: then faces are flat
-    std::vector<Vec2f> uvs;     // one per vertex, or none
-    std::vector<Triangle> triangles;
+    RoomyVector<Vec3f> positions;
+    RoomyVector<Vec3f> normals; // unit length, one per vertex, or none: then faces are flat
+    RoomyVector<Vec2f> uvs;     // one per vertex, or none
+    RoomyVector<Triangle> triangles;
     std::map<std::string, Attribute> attributes;
 
     std::size_t bytes() const;

@@ -16,18 +16,19 @@ struct MappedNormal {
 
 // The normal of the surface that a displacement along n makes of this one, from its derivatives by u and v.
 // The derivative of n itself is left out (Blinn 1978, "Simulation of Wrinkled Surfaces", equation 3).
-inline Vec3f bumped(Vec3f n, Vec3f dp_du, Vec3f dp_dv, float by_u, float by_v) {
-    const Vec3f u = dp_du + n * (by_u - dot(n, dp_du)), v = dp_dv + n * (by_v - dot(n, dp_dv));
-    const Vec3f sum = cross(u, v);
-    const float squared = length_squared(sum);
-    if (!(squared > 0) || !isfinite(squared)) return n;
-    return sum * copysign(1 / sqrt(squared), dot(sum, n));
+template <class Float>
+Vec3<Float> bumped(const Vec3<Float> &n, const Vec3<Float> &dp_du, const Vec3<Float> &dp_dv, Float by_u, Float by_v) {
+    const Vec3<Float> u = dp_du + n * (by_u - dot(n, dp_du)), v = dp_dv + n * (by_v - dot(n, dp_dv));
+    const Vec3<Float> sum = cross(u, v);
+    const Float squared = length_squared(sum);
+    return select(squared > 0.0f && isfinite(squared), sum * copysign(1 / sqrt(squared), dot(sum, n)), n);
 }
 
 // A normal that faces away from a viewer on the side of `around` is turned by half a turn around that
 // (Schüssler et al. 2017, "Microfacet-based Normal Mapping for Robust Monte Carlo Path Tracing", section 3).
-inline Vec3f facing(Vec3f n, Vec3f around, Vec3f wo) {
-    return dot(around, wo) * dot(n, wo) <= 0 ? reflect(n, around) : n;
+template <class Float>
+Vec3<Float> facing(const Vec3<Float> &n, const Vec3<Float> &around, const Vec3<Float> &wo) {
+    return select(dot(around, wo) * dot(n, wo) <= 0.0f, reflect(n, around), n);
 }
 
 // The normal nearest to n in the plane of n and the true normal `ng` around which the mirror image of the

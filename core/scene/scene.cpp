@@ -202,7 +202,11 @@ Scene::Choice Scene::choose(const Hit<float> &hit, const Vec3f &wo, float u) con
     const Side seen = side(hit, wo);
     Choice choice{seen.root.bsdf, seen.turned, seen.normal};
     if (seen.root.adapter >= 0)
-        choice.bsdf = materials_.choose(seen.root, sharp_reader(hit), hit, wo, u, choice.normal);
+        materials_.choose(seen.root, sharp_reader(hit), hit, wo, u, seen.normal, true,
+                          [&](std::int32_t bsdf, const MappedNormal<float> &normal, bool) {
+                              choice.bsdf = bsdf;
+                              choice.normal = normal;
+                          });
     return choice;
 }
 

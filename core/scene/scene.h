@@ -95,9 +95,10 @@ public:
         if (!has_blends_) return f(chosen, 1.0f);
         const Side seen = side(hit, wo);
         if (!materials_.is_small_blend(seen.root)) return f(chosen, 1.0f);
-        const SmallBlend leaves = materials_.leaves(seen.root, sharp_reader(hit), hit, wo, seen.normal);
-        for (const auto &leaf : std::span(leaves.leaf).first(static_cast<std::size_t>(leaves.count)))
-            f(surface({leaf.bsdf, seen.turned, leaf.normal}, hit, wo), leaf.share);
+        materials_.for_each_leaf(seen.root, sharp_reader(hit), hit, wo, seen.normal, 1.0f,
+                                 [&](std::int32_t bsdf, const MappedNormal<float> &normal, float share) {
+                                     f(surface({bsdf, seen.turned, normal}, hit, wo), share);
+                                 });
     }
 
     // The diffuse colour at a hit: a parameter of materials that have one; of others pi times their value
@@ -128,9 +129,11 @@ public:
     TextureReader<Float> filtered_reader(const Hit<Float> &hit, const Vec3<Float> &wo) const {
         return {parts_.textures, {hit.uv, &hit, parts_.shapes.data(), wo, true}};
     }
-    TextureReader<float> sharp_reader(const Hit<float> &hit) const {
-        return {parts_.textures, {hit.uv, &hit, parts_.shapes.data(), Vec3f(0), false}};
+    template <class Float>
+    TextureReader<Float> sharp_reader(const Hit<Float> &hit) const {
+        return {parts_.textures, {hit.uv, &hit, parts_.shapes.data(), Vec3<Float>(0), false}};
     }
+    const Materials &materials() const { return materials_; }
 
     // The plain BSDFs of a material's two sides, -1 for black: nothing where there are adapters, or where light
     // passes straight through.

@@ -45,12 +45,8 @@ Transform invertible(const Transform &t) {
 void TriangleMesh::build() {
     if (!mesh) throw std::invalid_argument("a mesh shape needs a mesh");
     validate(*mesh);
-    const bool has_room =
-        mesh->positions.capacity() > mesh->positions.size(); // for the ray tracer, see accel.cpp
-    if (!(to_world == Transform{}) || !has_room) {
-        Mesh placed = transformed(*mesh, to_world);
-        placed.positions.reserve(placed.positions.size() + 2);
-        mesh = std::make_shared<const Mesh>(std::move(placed));
+    if (!(to_world == Transform{})) {
+        mesh = std::make_shared<const Mesh>(transformed(*mesh, to_world));
         to_world = Transform{};
     }
     for (const Vec3f &p : mesh->positions) box.extend(p);

@@ -139,6 +139,17 @@ struct Path {
         return !plays || u.roulette < survival;
     }
 
+    // Lets a path go straight on through a surface.
+    template <class Float>
+    static void pass_through(const Hit<Float> &hit, const NullTransmission<Float> &through, PathState<Float> &path) {
+        const Vec3<Float> direction = path.ray.direction;
+        path.throughput *= through.transmittance / through.probability;
+        path.pdf *= through.probability;
+        path.ray = {leave(hit, direction), direction, 0, path.ray.far - hit.distance};
+        path.cone = hit.footprint;
+        path.null_transmissions += 1;
+    }
+
     // A path as it is followed depth first; Medium is InMedia, or Vacuum.
     template <class Medium>
     struct Walk {
@@ -291,13 +302,9 @@ Path::Course Path::visit(const Scene &scene, Tracer &tracer, const Sampler &samp
 
     const NullTransmission<float> through = null_transmission_at(scene, hit, path.ray.direction, hidden);
     if (passes(through.probability, path.flight)) {
-        if (++path.null_transmissions > max_null_transmissions) return Course::ended;
-        path.throughput *= through.transmittance / through.probability;
-        path.pdf *= through.probability;
-        path.ray = {leave(hit, path.ray.direction), path.ray.direction, 0, path.ray.far - hit.distance};
-        path.cone = hit.footprint;
+        pass_through(hit, through, path);
         walk.medium.cross(hit, path.ray.direction);
-        return Course::passed;
+        return path.null_transmissions > max_null_transmissions ? Course::ended : Course::passed;
     }
     if (path.depth == max_depth || !surfaces_scatter) return Course::ended;
     if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return Course::ended;

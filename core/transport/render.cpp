@@ -164,57 +164,71 @@ private:
 // The samples of a tile in order: all of a pixel, then those of the next.
 class TileSamples {
 public:
-    TileSamples(const Film &film, const Tile &tile, const Job &job) : film_(film), tile_(tile), job_(job) {}
+    TileSamples(const Film &film, const Tile &tile, const Job &job)
+        : left_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x0)),
+          right_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x1)), first_(job.first),
+          end_(job.first + job.count),
+          count_(static_cast<std::uint64_t>(tile.x1 - tile.x0) * static_cast<std::uint64_t>(tile.y1 - tile.y0) *
+                 job.count),
+          next_{left_, static_cast<std::uint32_t>(film.crop_offset_y + tile.y0), job.first} {}
 
-    std::uint64_t size() const {
-        return static_cast<std::uint64_t>(tile_.x1 - tile_.x0) * static_cast<std::uint64_t>(tile_.y1 - tile_.y0) *
-               job_.count;
+    std::uint64_t left() const { return count_; }
+    SampleId take() {
+        const SampleId result = next_;
+        --count_;
+        if (++next_.index == end_) {
+            next_.index = first_;
+            if (++next_.x == right_) next_.x = left_, ++next_.y;
+        }
+        return result;
     }
-    SampleId operator[](std::uint64_t i) const {
-        const auto pixel = static_cast<int>(i / job_.count), width = tile_.x1 - tile_.x0;
-        return {static_cast<std::uint32_t>(film_.crop_offset_x + tile_.x0 + pixel % width),
-                static_cast<std::uint32_t>(film_.crop_offset_y + tile_.y0 + pixel / width),
-                job_.first + static_cast<std::uint32_t>(i % job_.count)};
-    }
+    // Whether the sample after which take() was called last is the last of its pixel.
+    bool pixel_is_done() const { return next_.index == first_; }
 
 private:
-    const Film &film_;
-    const Tile &tile_;
-    const Job &job_;
+    std::uint32_t left_, right_, first_, end_;
+    std::uint64_t count_;
+    SampleId next_;
 };
 
 // Depth first, one path after the other. Stops where the job is cancelled.
 template <class Model>
-void render_one_by_one(const Scene &scene, const Model &integrator, const TileSamples &samples, const Job &job,
+void render_one_by_one(const Scene &scene, const Model &integrator, TileSamples &samples, const Job &job,
                        Progress &progress, Tracer &tracer, TileAccumulator &sums) {
-    for (std::uint64_t i = 0; i < samples.size(); ++i) {
+    while (samples.left() > 0) {
         if (progress.cancelled.load(std::memory_order_relaxed)) return;
-        const SampleId id = samples[i];
+        const SampleId id = samples.take();
         const Sampler sampler(job.sequence, job.seed, id.x, id.y, id.index);
         const auto [camera, weight] = film_sample(scene, sampler, id);
         sums.add(id, sampler, camera, integrator.radiance(scene, tracer, sampler, camera), weight);
-        if ((i + 1) % job.count == 0) progress.pixels.fetch_add(1, std::memory_order_relaxed);
+        if (samples.pixel_is_done()) progress.pixels.fetch_add(1, std::memory_order_relaxed);
     }
 }
 
 // Many at a time.
-void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &output, const TileSamples &samples,
+void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &output, TileSamples &samples,
                      const Job &job, Progress &progress, Tracer &tracer, TileAccumulator &sums) {
     std::array<SampleId, Wavefront::capacity> ids;
     std::array<Spectrum, Wavefront::capacity> radiance;
     std::array<float, Wavefront::capacity> weights;
-    for (std::uint64_t first = 0; first < samples.size(); first += Wavefront::capacity) {
+    while (samples.left() > 0) {
         if (progress.cancelled.load(std::memory_order_relaxed)) return;
-        const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(samples.size() - first, Wavefront::capacity));
-        for (std::size_t i = 0; i < count; ++i) ids[i] = samples[first + i];
+        const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(samples.left(), Wavefront::capacity));
+        std::uint64_t pixels = 0;
+        for (std::size_t i = 0; i < count; ++i) {
+            ids[i] = samples.take();
+            pixels += samples.pixel_is_done();
+        }
         wavefront.render(std::span(ids).first(count), job.sequence, job.seed, tracer, radiance, weights);
         for (std::size_t i = 0; i < count; ++i) {
+            if (output.channels.empty()) {
+                sums.add(ids[i], {}, {}, radiance[i], weights[i]);
+                continue;
+            }
             const Sampler sampler(job.sequence, job.seed, ids[i].x, ids[i].y, ids[i].index);
-            CameraRay<float> camera; // for the channels beside the picture
-            if (!output.channels.empty()) camera = film_sample(scene, sampler, ids[i]).camera;
-            sums.add(ids[i], sampler, camera, radiance[i], weights[i]);
+            sums.add(ids[i], sampler, film_sample(scene, sampler, ids[i]).camera, radiance[i], weights[i]);
         }
-        progress.pixels.fetch_add((first + count) / job.count - first / job.count, std::memory_order_relaxed);
+        progress.pixels.fetch_add(pixels, std::memory_order_relaxed);
     }
 }
 
@@ -235,13 +249,13 @@ std::vector<Report> render_tiles(const Scene &scene, const Output &output, const
             if (!job.one_lane && model.is_vacuum(scene)) {
                 tbb::enumerable_thread_specific<Wavefront> wavefronts([&] { return Wavefront(scene, model); });
                 return for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &) {
-                    tile_with(i, [&](const TileSamples &samples, Tracer &tracer, TileAccumulator &accumulator) {
+                    tile_with(i, [&](TileSamples samples, Tracer &tracer, TileAccumulator &accumulator) {
                         render_in_lanes(scene, wavefronts.local(), output, samples, job, progress, tracer, accumulator);
                     });
                 });
             }
         for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &) {
-            tile_with(i, [&](const TileSamples &samples, Tracer &tracer, TileAccumulator &accumulator) {
+            tile_with(i, [&](TileSamples samples, Tracer &tracer, TileAccumulator &accumulator) {
                 render_one_by_one(scene, model, samples, job, progress, tracer, accumulator);
             });
         });

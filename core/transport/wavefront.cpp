@@ -20,15 +20,20 @@ bool is_wide_model(const Bsdf &bsdf) {
 Wavefront::Wavefront(const Scene &scene, const Path &integrator)
     : scene_(scene), integrator_(integrator), group_sizes_(scene.parts().materials.size() + 3), samplers_(capacity),
       paths_(capacity + lanes), next_(capacity + lanes), hits_(capacity + lanes), shapes_(capacity + lanes),
-      instances_(capacity + lanes), shadow_rays_(capacity + lanes), order_(capacity + lanes) {
-    const auto is_wide = [&](std::int32_t bsdf) {
-        return bsdf < 0 || is_wide_model(scene.parts().bsdfs[static_cast<std::size_t>(bsdf)]);
+      instances_(capacity + lanes), shadow_rays_(capacity + lanes), order_(capacity + lanes), group_of_path_(capacity + lanes) {
+    const auto is_wide = [&](MaterialId root) {
+        bool wide = true;
+        scene.materials().for_each_bsdf(root, [&](std::int32_t bsdf) {
+            wide &= bsdf < 0 || is_wide_model(scene.parts().bsdfs[static_cast<std::size_t>(bsdf)]);
+        });
+        return wide;
     };
-    for (const ShapeSlot &slot : scene.parts().slots) {
-        const auto plain = scene.plain_material(slot.material);
-        const bool wide = plain && is_wide(plain->front) && is_wide(plain->back);
-        group_of_shape_.push_back(wide ? slot.material : one_by_one);
-    }
+    std::vector<bool> wide;
+    for (const Material &material : scene.parts().materials)
+        wide.push_back(is_wide(material.front) && is_wide(material.back));
+    for (const ShapeSlot &slot : scene.parts().slots)
+        group_of_shape_.push_back(slot.material < 0 || wide[static_cast<std::size_t>(slot.material)] ? slot.material
+                                                                                                   : one_by_one);
 }
 
 void Wavefront::render(std::span<const SampleId> ids, SequenceKind sequence, std::uint32_t seed, Tracer &tracer,
@@ -202,33 +207,36 @@ void Wavefront::trace(Tracer &tracer) {
 
 // A counting sort; groups come in the order in which paths first meet them.
 void Wavefront::sort() {
-    const auto group_of = [&](std::size_t path) {
-        const std::int32_t shape = shapes_[path];
+    const auto group_of = [&](std::int32_t shape) {
         if (shape < 0) return missed;
         const auto index = static_cast<std::size_t>(shape);
         const bool hidden = integrator_.hide_emitters && scene_.parts().slots[index].emitter >= 0;
         return hidden ? one_by_one : group_of_shape_[index];
     };
     const auto size_of = [&](std::int32_t group) -> std::uint32_t & {
-        return group_sizes_[static_cast<std::size_t>(group + 3)];
+        return group_sizes_[static_cast<std::size_t>(group - one_by_one)];
     };
     groups_.clear();
-    for (std::size_t i = 0; i < count_; ++i)
-        if (size_of(group_of(i))++ == 0) groups_.push_back({group_of(i), 0, 0});
+    for (std::size_t i = 0; i < count_; ++i) {
+        const std::int32_t group = group_of_path_[i] = group_of(shapes_[i]);
+        if (size_of(group)++ == 0) groups_.push_back({group, 0, 0});
+    }
     std::uint32_t first = 0;
     for (Group &group : groups_) {
         group.first = first;
-        first += std::exchange(size_of(group.material), first); // from now on where the next one goes
+        first += group.count = std::exchange(size_of(group.material), first); // from now on where the next one goes
     }
-    for (std::size_t i = 0; i < count_; ++i) order_[size_of(group_of(i))++] = static_cast<std::int32_t>(i);
-    for (Group &group : groups_) group.count = std::exchange(size_of(group.material), 0) - group.first;
+    for (std::size_t i = 0; i < count_; ++i) order_[size_of(group_of_path_[i])++] = static_cast<std::int32_t>(i);
+    for (const Group &group : groups_) size_of(group.material) = 0;
 }
 
 void Wavefront::scatter(const Group &group, Tracer &tracer) {
     const std::span<const std::int32_t> paths = std::span(order_).subspan(group.first, group.count);
     if (group.material == missed) return gather_environment(paths);
     if (group.material == one_by_one) return follow_one_by_one(paths, tracer);
-    const auto [front, back] = *scene_.plain_material(group.material);
+    const auto plain = scene_.plain_material(group.material);
+    if (!plain) return scatter_tree(scene_.materials()[group.material], paths, tracer);
+    const auto [front, back] = *plain;
     const auto with = [&](std::int32_t bsdf, Sides sides) {
         if (bsdf < 0) {
             if (sides != Sides::back_only) gather_emission(paths);
@@ -304,14 +312,20 @@ void Wavefront::add_emission(const PathState<WideFloat> &path, const Hit<WideFlo
     if (any(shines)) add(path.throughput * integrator_.emitted(scene_, path, hit), packet, shines);
 }
 
+BounceSample<WideFloat> Wavefront::numbers(const Packet &packet, const PathState<WideFloat> &path) const {
+    return Sampler::bounces(
+        [&](int k) -> const Sampler & { return samplers_[static_cast<std::size_t>(packet.samples[k])]; }, path.block);
+}
+
 // Light that the lanes' samples send to their surfaces: along a shadow ray, which is traced later, or, where surfaces
 // in between may let some of it pass, at once.
-void Wavefront::add_direct_light(const PathState<WideFloat> &path, const Hit<WideFloat> &hit,
-                                 const DirectSample<WideFloat> &light, const BsdfEval<WideFloat> &bsdf,
-                                 const Packet &packet, WideBool lit, Tracer &tracer) {
+void Wavefront::add_direct_light(const Vertex &vertex, const DirectSample<WideFloat> &light,
+                                 const BsdfEval<WideFloat> &bsdf, WideFloat share, WideBool lit, Tracer &tracer) {
+    const Hit<WideFloat> &hit = vertex.hit;
+    const Rgb<WideFloat> throughput = vertex.path.throughput * share;
     if (!scene_.has_null_transmission()) {
-        const Rgb<WideFloat> value = path.throughput * integrator_.direct(light, bsdf, WideFloat(1));
-        return append(shadow_ray(leave(hit, light.wi), hit.position_error, light), value, packet, lit);
+        const Rgb<WideFloat> value = throughput * integrator_.direct(light, bsdf, WideFloat(1));
+        return append(shadow_ray(leave(hit, light.wi), hit.position_error, light), value, vertex.packet, lit);
     }
     for_each_lane(lit, [&](int k) {
         const Hit<float> one_hit = lane_of(hit, k);
@@ -319,8 +333,54 @@ void Wavefront::add_direct_light(const PathState<WideFloat> &path, const Hit<Wid
         const auto arrived = arrival(scene_, tracer, SurfacePoint{one_hit}, one_light, Vacuum());
         if (!arrived) return;
         const BsdfEval<float> f{lane_of(bsdf.f_cos, k), bsdf.pdf[k], bsdf.eta[k]};
-        radiance_[static_cast<std::size_t>(packet.samples[k])] +=
-            lane_of(path.throughput, k) * (integrator_.direct(one_light, f, arrived->reach) * arrived->value());
+        radiance_[static_cast<std::size_t>(vertex.packet.samples[k])] +=
+            lane_of(throughput, k) * (integrator_.direct(one_light, f, arrived->reach) * arrived->value());
+    });
+}
+
+template <class Model>
+[[gnu::noinline]] void Wavefront::scatter_at(const Vertex &vertex, const Model &model, const BsdfTraits &traits,
+                                             const MappedNormal<WideFloat> &normal, WideBool turned, WideBool active,
+                                             WideFloat share, Task task, Tracer &tracer) {
+    const auto &[packet, incoming, hit, wo, u] = vertex;
+    const auto [black, frame, bent] = shading_frame(traits, hit, wo, normal, turned);
+    active = active && !black;
+    if (!any(active)) return;
+    Surface<WideFloat, LobeOf<Model, WideFloat>> surface{
+        black, traits.delta, 1, frame, frame.to_local(wo), prepare_lobe<WideFloat>(model, scene_.filtered_reader(hit, wo)),
+        bent};
+    surface.sharp = surface.sharp || WideFloat(surface.lobe.roughness()) < scene_.sharpest();
+    if constexpr (requires { surface.lobe.null_transmission(wo); })
+        surface.stopped = 1 - surface.lobe.null_transmission(surface.wo).probability;
+
+    const WideBool lightable = active && !surface.sharp;
+    if (task != Task::sample_direction && !scene_.lights().empty() && any(lightable)) {
+        const DirectSample<WideFloat> light = scene_.lights().sample_direct(hit.position, u.light, u.light_uv);
+        const BsdfEval<WideFloat> f = surface.eval(light.wi);
+        const WideBool lit = lightable && integrator_.counts(light) && !is_black(f.f_cos);
+        if (any(lit)) add_direct_light(vertex, light, f, share, lit, tracer);
+    }
+    if (task == Task::sample_light) return;
+
+    const BsdfSample<WideFloat> sample = surface.sample(u.lobe, u.bsdf_uv);
+    WideBool goes_on = active && sample.valid;
+    PathState<WideFloat> path = incoming;
+    Path::scatter(scene_, hit, sample, surface.sharp, path);
+    const WideBool broken = goes_on && !is_finite(path.throughput);
+    if (any(broken)) // whoever takes the sample counts it
+        for_each_lane(broken, [&](int k) {
+            radiance_[static_cast<std::size_t>(packet.samples[k])] = lane_of(path.throughput, k);
+        });
+    goes_on = goes_on && !broken && integrator_.survives(u, highest_survival, path);
+    append(path, packet, goes_on);
+}
+
+void Wavefront::scatter_at(const Vertex &vertex, std::int32_t bsdf, const MappedNormal<WideFloat> &normal,
+                           WideBool turned, WideBool active, WideFloat share, Task task, Tracer &tracer) {
+    if (bsdf < 0) return;
+    match(scene_.parts().bsdfs[static_cast<std::size_t>(bsdf)], [&](const auto &model) {
+        if constexpr (IsWide<std::decay_t<decltype(model)>>)
+            scatter_at(vertex, model, scene_.traits_of(bsdf), normal, turned, active, share, task, tracer);
     });
 }
 
@@ -328,48 +388,67 @@ template <class Model>
 [[gnu::noinline]] void Wavefront::scatter(const Model &model, const BsdfTraits &traits, Sides sides,
                                           std::span<const std::int32_t> paths, Tracer &tracer) {
     for_each_packet(paths, [&](const Packet &packet) {
-        PathState<WideFloat> path = load(packet);
+        const PathState<WideFloat> path = load(packet);
         const Hit<WideFloat> hit =
             scene_.hit(path.ray, load_hits(packet), packet.active, path.cone, scene_.needs());
         if (sides != Sides::back_only) add_emission(path, hit, packet);
 
         const Vec3<WideFloat> wo = -path.ray.direction;
         const WideBool turned = !(dot(hit.normal, wo) >= 0.0f) && WideBool(sides != Sides::front);
-        WideBool scatters = packet.active && path.depth != integrator_.max_depth;
-        if (sides == Sides::front_only) scatters = scatters && !turned;
-        if (sides == Sides::back_only) scatters = scatters && turned;
-        const MappedNormal<WideFloat> normal{select(turned, -hit.shading_normal, hit.shading_normal), hit.dp_du,
-                                             turned};
-        const auto [black, frame, bent] = shading_frame(traits, hit, wo, normal, turned);
-        scatters = scatters && !black;
-        if (!any(scatters)) return;
-        Surface<WideFloat, LobeOf<Model, WideFloat>> surface{
-            black,  traits.delta, 1, frame, frame.to_local(wo), prepare_lobe<WideFloat>(model, scene_.filtered_reader(hit, wo)),
-            bent};
-        surface.sharp = surface.sharp || WideFloat(surface.lobe.roughness()) < scene_.sharpest();
+        WideBool active = packet.active && path.depth != integrator_.max_depth;
+        if (sides == Sides::front_only) active = active && !turned;
+        if (sides == Sides::back_only) active = active && turned;
+        if (!any(active)) return;
+        const Vec3<WideFloat> normal = select(turned, -hit.shading_normal, hit.shading_normal);
+        scatter_at({packet, path, hit, wo, numbers(packet, path)}, model, traits, {normal, hit.dp_du, turned}, turned,
+                   active, 1, Task::both, tracer);
+    });
+}
 
-        const auto u = Sampler::bounces(
-            [&](int k) -> const Sampler & { return samplers_[static_cast<std::size_t>(packet.samples[k])]; },
-            path.block);
-        const WideBool lightable = scatters && !surface.sharp;
-        if (!scene_.lights().empty() && any(lightable)) {
-            const DirectSample<WideFloat> light =
-                scene_.lights().sample_direct(hit.position, u.light, u.light_uv);
-            const BsdfEval<WideFloat> f = surface.eval(light.wi);
-            const WideBool lit = lightable && integrator_.counts(light) && !is_black(f.f_cos);
-            if (any(lit)) add_direct_light(path, hit, light, f, packet, lit, tracer);
-        }
+void Wavefront::scatter_tree(const Material &material, std::span<const std::int32_t> paths, Tracer &tracer) {
+    const Materials &materials = scene_.materials();
+    for_each_packet(paths, [&](const Packet &packet) {
+        const PathState<WideFloat> path = load(packet);
+        const Hit<WideFloat> hit =
+            scene_.hit(path.ray, load_hits(packet), packet.active, path.cone, scene_.needs());
+        add_emission(path, hit, packet);
 
-        const BsdfSample<WideFloat> sample = surface.sample(u.lobe, u.bsdf_uv);
-        WideBool goes_on = scatters && sample.valid;
-        Path::scatter(scene_, hit, sample, surface.sharp, path);
-        const WideBool broken = goes_on && !is_finite(path.throughput);
-        if (any(broken)) // whoever takes the sample counts it
-            for_each_lane(broken, [&](int k) {
-                radiance_[static_cast<std::size_t>(packet.samples[k])] = lane_of(path.throughput, k);
-            });
-        goes_on = goes_on && !broken && integrator_.survives(u, highest_survival, path);
-        append(path, packet, goes_on);
+        Vertex vertex{packet, path, hit, -path.ray.direction, numbers(packet, path)};
+        const Vec3<WideFloat> &wo = vertex.wo;
+        const auto read = scene_.sharp_reader(hit);
+        const WideBool behind = !(dot(hit.normal, wo) >= 0.0f) && WideBool(!(material.back == MaterialId{}));
+        const auto scatter_side = [&](MaterialId root, WideBool turned, WideBool active) {
+            if (!any(active)) return;
+            const MappedNormal<WideFloat> normal{select(turned, -hit.shading_normal, hit.shading_normal), hit.dp_du,
+                                                 turned};
+            WideFloat u = path.flight;
+            if (materials.has_null_transmission(root)) {
+                const auto through = materials.null_transmission(root, read, hit, wo, normal);
+                const WideBool passes_through = active && passes(through.probability, u);
+                PathState<WideFloat> onward = path;
+                onward.flight = u;
+                Path::pass_through(hit, through, onward);
+                append(onward, packet, passes_through && onward.null_transmissions <= max_null_transmissions);
+                active = active && !passes_through;
+            }
+            active = active && path.depth != integrator_.max_depth;
+            if (!any(active)) return;
+            const bool each_leaf = materials.is_small_blend(root);
+            if (each_leaf)
+                materials.for_each_leaf(root, read, hit, wo, normal, WideFloat(1),
+                                        [&](std::int32_t bsdf, const auto &leaf_normal, WideFloat share) {
+                                            scatter_at(vertex, bsdf, leaf_normal, turned, active && share != 0.0f,
+                                                       share, Task::sample_light, tracer);
+                                        });
+            materials.choose(root, read, hit, wo, u, normal, active,
+                             [&](std::int32_t bsdf, const auto &leaf_normal, WideBool chosen) {
+                                 scatter_at(vertex, bsdf, leaf_normal, turned, chosen, 1,
+                                            each_leaf ? Task::sample_direction : Task::both, tracer);
+                             });
+        };
+        if (material.back == material.front) return scatter_side(material.front, behind, packet.active);
+        scatter_side(material.front, false, packet.active && !behind);
+        scatter_side(material.back, true, packet.active && behind);
     });
 }
 

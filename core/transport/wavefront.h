@@ -62,11 +62,32 @@ private:
     template <class Model>
     void scatter(const Model &model, const BsdfTraits &traits, Sides sides, std::span<const std::int32_t> paths,
                  Tracer &tracer);
+    // The same of a material that is a tree: blends, masks and maps around BSDFs.
+    void scatter_tree(const Material &material, std::span<const std::int32_t> paths, Tracer &tracer);
+
+    struct Packet;
+    struct Vertex;
+    // What is done with a BSDF at a vertex: lights are sampled, or the direction in which the path goes on, or both.
+    enum class Task { sample_light, sample_direction, both };
+    template <class Model>
+    void scatter_at(const Vertex &vertex, const Model &model, const BsdfTraits &traits,
+                    const MappedNormal<WideFloat> &normal, WideBool turned, WideBool active, WideFloat share, Task task,
+                    Tracer &tracer);
+    void scatter_at(const Vertex &vertex, std::int32_t bsdf, const MappedNormal<WideFloat> &normal, WideBool turned,
+                    WideBool active, WideFloat share, Task task, Tracer &tracer);
 
     // The paths that lanes work on, and the samples that they belong to.
     struct Packet {
         alignas(64) std::int32_t paths[lanes], samples[lanes];
         WideBool active;
+    };
+    // A vertex of the path in each lane, where it is scattered.
+    struct Vertex {
+        const Packet &packet;
+        const PathState<WideFloat> &path;
+        const Hit<WideFloat> &hit;
+        Vec3<WideFloat> wo;
+        BounceSample<WideFloat> u;
     };
     template <class F>
     void for_each_packet(std::span<const std::int32_t> paths, F &&f) const;
@@ -80,9 +101,9 @@ private:
     static StoredPath stored(const PathState<float> &path, std::int32_t sample);
 
     void add_emission(const PathState<WideFloat> &path, const Hit<WideFloat> &hit, const Packet &packet);
-    void add_direct_light(const PathState<WideFloat> &path, const Hit<WideFloat> &hit,
-                          const DirectSample<WideFloat> &light, const BsdfEval<WideFloat> &bsdf, const Packet &packet,
-                          WideBool lit, Tracer &tracer);
+    void add_direct_light(const Vertex &vertex, const DirectSample<WideFloat> &light,
+                          const BsdfEval<WideFloat> &bsdf, WideFloat share, WideBool lit, Tracer &tracer);
+    BounceSample<WideFloat> numbers(const Packet &packet, const PathState<WideFloat> &path) const;
 
     const Scene &scene_;
     const Path &integrator_;
@@ -99,6 +120,7 @@ private:
     std::vector<StoredShadowRay> shadow_rays_;
     std::vector<Group> groups_;
     std::vector<std::int32_t> order_; // paths, group by group
+    std::vector<std::int32_t> group_of_path_;
 };
 
 } // namespace lajolla
