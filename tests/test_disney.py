@@ -228,7 +228,7 @@ def test_weights_are_bounded(name: str) -> None:
 # --- Scenes -----------------------------------------------------------------------------------------
 
 ALLOWANCE = 0.01  # the environment of these scenes is 0.4 % brighter than there, wherever one looks
-BLOCK = 16  # pixels
+BLOCKS = (16, 64)  # pixels: small ones tell where, large ones see less noise
 SAMPLES, REFERENCE_SAMPLES = 8, 256  # per pixel, for means and their errors
 DARK = 0.05  # of the mean of the picture
 DEVIATIONS, FAMILY_WISE_ERROR = 4, 1e-3
@@ -251,16 +251,19 @@ def test_scenes_look_as_others_render_them(name: str) -> None:
     theirs = np.asarray(oiio.ImageBuf(str(render)).get_pixels(oiio.FLOAT), dtype=np.float64)[..., :3]
     ours = render_with_lajolla(scene, spp=SAMPLES, batches=SAMPLES, setup=Setup(max_depth=None))
     squares = ours.batches.var(axis=0, ddof=1) / SAMPLES  # estimates the variance of a pixel's mean
-    images = [Estimate(image[None]).blocks(BLOCK)[0] for image in (ours.mean, theirs, squares)]
-    dark = (images[1] < DARK * theirs.mean()).any(-1)
-    count = max(int(dark.sum()), 1)
-    a, b = (np.vstack([image[~dark], image[dark].sum(0)[None] / count]) for image in images[:2])
-    variance = np.vstack([images[2][~dark], images[2][dark].sum(0)[None] / count**2]) / BLOCK**2
-    error = np.sqrt(variance * (1 + SAMPLES / REFERENCE_SAMPLES))
-    differ = (np.abs(a - b) - ALLOWANCE * b > DEVIATIONS * error).any(-1)
-    chance = 3 * 2 * stats.norm.sf(DEVIATIONS)  # in any channel
-    at_most = stats.binom.isf(FAMILY_WISE_ERROR, len(differ), chance)
-    assert differ.sum() <= at_most, f"{differ.sum()} of {len(differ)} blocks differ, by chance {at_most}"
+    for size in BLOCKS:
+        images = [Estimate(image[None]).blocks(size)[0] for image in (ours.mean, theirs, squares)]
+        dark = (images[1] < DARK * theirs.mean()).any(-1)
+        count = max(int(dark.sum()), 1)
+        a, b = (np.vstack([image[~dark], image[dark].sum(0)[None] / count]) for image in images[:2])
+        variance = np.vstack([images[2][~dark], images[2][dark].sum(0)[None] / count**2]) / size**2
+        error = np.sqrt(variance * (1 + SAMPLES / REFERENCE_SAMPLES))
+        differ = (np.abs(a - b) - ALLOWANCE * b > DEVIATIONS * error).any(-1)
+        chance = 3 * 2 * stats.norm.sf(DEVIATIONS)  # in any channel
+        at_most = stats.binom.isf(FAMILY_WISE_ERROR, len(differ), chance)
+        assert differ.sum() <= at_most, (
+            f"{differ.sum()} of {len(differ)} blocks of {size} x {size} pixels differ, by chance {at_most:.0f}"
+        )
     ratio = ours.mean.mean((0, 1)) / theirs.mean((0, 1))
     noise = np.sqrt(squares.sum((0, 1))) / squares[..., 0].size / theirs.mean((0, 1))
     assert (np.abs(ratio - 1) < ALLOWANCE + 3 * noise).all(), f"means differ: {ratio}, noise {noise}"

@@ -11,7 +11,8 @@ MAY_INCLUDE = {
     "scene": {"base", "scatter", "scene"},
     "transport": {"base", "scatter", "scene", "transport"},
     "meshio": {"base", "meshio"},
-    "python": {"base", "scatter", "scene", "transport", "meshio", "python"},
+    "engine": {"base", "scatter", "scene", "transport", "meshio", "engine"},
+    "python": {"base", "scatter", "scene", "transport", "meshio", "engine", "python"},
 }
 # Third-party headers that stay in one place.
 KEPT_IN = {"embree3/": "scene/accel", "embree4/": "scene/accel", "nanobind/": "python/", "zlib": "meshio/"}

@@ -52,6 +52,13 @@ def test_obj_indices_may_count_backwards_and_polygons_become_fans(load: Loader) 
     np.testing.assert_array_equal(mesh.vertices[mesh.faces], SQUARE[[[0, 1, 2], [0, 2, 3]]])
 
 
+def test_obj_corners_are_shared_in_whatever_order_they_return(load: Loader) -> None:
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 1\n" + "f 1/1 2/1 3/1\nf 1/2 2/2 3/1\n" * 3
+    mesh = load("obj", text)
+    assert len(mesh.vertices) == 5
+    np.testing.assert_array_equal(mesh.faces, [[0, 1, 2], [3, 4, 2]] * 3)
+
+
 @pytest.mark.parametrize("corner", ["{}", "{}/", "{}//", "{}/1", "{}/1/", "{}//1", "{}/1/1"])
 def test_obj_corner_notations(load: Loader, corner: str) -> None:
     face = " ".join(corner.format(i) for i in (1, 2, 3))
@@ -376,6 +383,29 @@ def test_serialized_errors_say_what_is_wrong(load: Loader) -> None:
     for data, index, message in cases:
         with pytest.raises(_core.MeshError, match=message):
             load("serialized", data, index)
+
+
+# All
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "serialized"])
+def test_v_may_run_the_other_way(tmp_path: Path, kind: str) -> None:
+    uvs = TRIANGLE[:, :2] / 4
+    path = tmp_path / f"mesh.{kind}"
+    path.write_bytes(
+        {
+            "obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt .25 0\nvt 0 .25\nf 1/1 2/2 3/3\n",
+            "ply": ply(
+                "ascii",
+                ("vertex", [f"float {name}" for name in "xyzuv"], np.hstack([TRIANGLE, uvs]).tolist()),
+                ("face", ["list uchar int vertex_indices"], [[[0, 1, 2]]]),
+            ),
+            "serialized": serialized([serialized_payload(TRIANGLE, RIGHT, uvs=uvs)], 3),
+        }[kind]
+    )
+    read = getattr(_core, f"load_{kind}")
+    np.testing.assert_array_equal(read(path).uvs, uvs)
+    np.testing.assert_array_equal(read(path, flip_uvs=True).uvs, uvs * [1, -1] + [0, 1])
 
 
 # Real files

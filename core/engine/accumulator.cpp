@@ -1,5 +1,7 @@
 #include "engine/accumulator.h"
 
+#include <algorithm>
+
 #include "engine/renderable.h"
 
 namespace lajolla {

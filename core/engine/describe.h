@@ -40,7 +40,7 @@ public:
     UnexpectedValue(const std::string &where, const std::string &expected, const Value &got)
         : UnexpectedValue(where + ": expected " + expected + ", got ", &got, text_of(got)) {}
 
-    const Value *got() const { return got_; } // a part of the description
+    const Value *got() const { return got_; } // a part of the description, which must still be there
     // The same message where the value is known by another text.
     UnexpectedValue called(const std::string &text) const { return {told_, got_, text}; }
 

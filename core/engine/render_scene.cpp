@@ -12,19 +12,17 @@ namespace {
 
 using namespace lajolla;
 
-// A rectangle from -1 to 1 that looks along +z is turned to look along `z`, with `x` to its right.
-Value placed(List x, List y, List z, List at) {
+// The matrix with these axes and this origin.
+Value placed(const List &x, const List &y, const List &z, const List &at) {
     List rows;
     for (std::size_t i = 0; i < 3; ++i) rows.push_back(List{x[i], y[i], z[i], at[i]});
     rows.push_back(List{0, 0, 0, 1});
     return rows;
 }
 
-Value wall(List x, List y, List z, List at, int material, int emitter = -1) {
-    return Dict{{"type", "rectangle"},
-                {"to_world", placed(x, y, z, at)},
-                {"material", material},
-                {"emitter", emitter}};
+// A rectangle from -1 to 1 along x and y, that looks along z.
+Value wall(Value to_world, int material, int emitter = -1) {
+    return Dict{{"type", "rectangle"}, {"to_world", to_world}, {"material", material}, {"emitter", emitter}};
 }
 
 std::shared_ptr<const Mesh> pyramid() {
@@ -36,30 +34,27 @@ std::shared_ptr<const Mesh> pyramid() {
 }
 
 Dict box() {
-    const List bsdfs{Dict{{"type", "diffuse"}, {"reflectance", 0.75}},
-                     Dict{{"type", "diffuse"}, {"reflectance", List{0.6, 0.06, 0.05}}},
-                     Dict{{"type", "diffuse"}, {"reflectance", List{0.1, 0.45, 0.08}}},
-                     Dict{{"type", "roughconductor"}, {"alpha", 0.2}}};
     const List shapes{
-        wall({1, 0, 0}, {0, 0, -1}, {0, 1, 0}, {0, -1, 0}, 0),
-        wall({1, 0, 0}, {0, 0, 1}, {0, -1, 0}, {0, 1, 0}, 0),
-        wall({1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, -1}, 0),
-        wall({0, 0, -1}, {0, 1, 0}, {1, 0, 0}, {-1, 0, 0}, 1),
-        wall({0, 0, 1}, {0, 1, 0}, {-1, 0, 0}, {1, 0, 0}, 2),
-        wall({0.3, 0, 0}, {0, 0, 0.3}, {0, -1, 0}, {0, 0.99, 0}, 0, 0),
+        wall(placed({1, 0, 0}, {0, 0, -1}, {0, 1, 0}, {0, -1, 0}), 0),
+        wall(placed({1, 0, 0}, {0, 0, 1}, {0, -1, 0}, {0, 1, 0}), 0),
+        wall(placed({1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, -1}), 0),
+        wall(placed({0, 0, -1}, {0, 1, 0}, {1, 0, 0}, {-1, 0, 0}), 1),
+        wall(placed({0, 0, 1}, {0, 1, 0}, {-1, 0, 0}, {1, 0, 0}), 2),
+        wall(placed({0.3, 0, 0}, {0, 0, 0.3}, {0, -1, 0}, {0, 0.99, 0}), 0, 0),
         Dict{{"type", "sphere"}, {"center", List{0.4, -0.6, -0.2}}, {"radius", 0.4}, {"material", 3}},
         Dict{{"type", "mesh"}, {"mesh", pyramid()}, {"material", 0}}};
-    return {{"bsdfs", bsdfs},
-            {"materials", List{Dict{{"front", 0}, {"back", 0}}, Dict{{"front", 1}}, Dict{{"front", 2}},
-                               Dict{{"front", 3}}}},
-            {"emitters", List{Dict{{"type", "area"}, {"radiance", List{18, 14, 8}}}}},
-            {"shapes", shapes},
-            {"sensor", Dict{{"type", "perspective"},
-                            {"fov", 40},
-                            {"to_world", placed({-1, 0, 0}, {0, 1, 0}, {0, 0, -1}, {0, 0, 3.9})}}},
-            {"film", Dict{{"width", 64}, {"height", 64}}},
-            {"rfilter", Dict{{"type", "gaussian"}}},
-            {"integrator", Dict{{"type", "path"}, {"max_depth", 8}}}};
+    const Value camera = placed({-1, 0, 0}, {0, 1, 0}, {0, 0, -1}, {0, 0, 3.9});
+    return {
+        {"bsdfs", List{Dict{{"type", "diffuse"}, {"reflectance", 0.75}},
+                       Dict{{"type", "diffuse"}, {"reflectance", List{0.6, 0.06, 0.05}}},
+                       Dict{{"type", "diffuse"}, {"reflectance", List{0.1, 0.45, 0.08}}},
+                       Dict{{"type", "dielectric"}}}},
+        {"materials", List{Dict{{"front", 0}}, Dict{{"front", 1}}, Dict{{"front", 2}}, Dict{{"front", 3}}}},
+        {"emitters", List{Dict{{"type", "area"}, {"radiance", List{18, 14, 8}}}}},
+        {"shapes", shapes},
+        {"sensor", Dict{{"type", "perspective"}, {"fov", 40}, {"to_world", camera}}},
+        {"film", Dict{{"width", 64}, {"height", 64}}},
+        {"integrator", Dict{{"type", "path"}, {"max_depth", 8}}}};
 }
 
 // PFM files begin with the lowest row; the scale is negative where bytes are in the order of this machine's.

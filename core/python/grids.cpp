@@ -1,4 +1,4 @@
-#include "python/grids.h"
+#include "python/bindings.h"
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/shared_ptr.h>
@@ -13,7 +13,6 @@ namespace lajolla {
 
 namespace {
 
-namespace nb = nanobind;
 using namespace nb::literals;
 using Voxels = nb::ndarray<nb::ro, nb::c_contig, nb::device::cpu>;
 

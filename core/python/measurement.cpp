@@ -1,4 +1,4 @@
-#include "python/measurement.h"
+#include "python/bindings.h"
 
 #include <nanobind/stl/shared_ptr.h>
 

@@ -1,4 +1,4 @@
-#include "python/meshes.h"
+#include "python/bindings.h"
 
 #include <filesystem>
 #include <fstream>
@@ -7,6 +7,7 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
@@ -14,6 +15,10 @@
 #include "meshio/obj.h"
 #include "meshio/ply.h"
 #include "meshio/serialized.h"
+#include "python/values.h"
+#include "scene/curves.h"
+#include "scene/image.h"
+#include "scene/mesh.h"
 
 namespace lajolla {
 

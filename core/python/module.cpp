@@ -1,18 +1,12 @@
 #include <nanobind/nanobind.h>
 
 #include "engine/build.h"
-#include "python/grids.h"
-#include "python/measurement.h"
-#include "python/meshes.h"
-#include "python/scene.h"
-#include "python/statistics.h"
+#include "python/bindings.h"
 #include "python/values.h"
-
-namespace nb = nanobind;
 
 NB_MODULE(_core, m) {
     m.doc() = "The renderer's core.";
-    nb::exception<lajolla::DescriptionError>(m, "DescriptionError", PyExc_ValueError).doc() =
+    nanobind::exception<lajolla::DescriptionError>(m, "DescriptionError", PyExc_ValueError).doc() =
         "A description that does not fit its model.";
     m.def(
         "schema", [] { return lajolla::object_of(lajolla::schema()); },

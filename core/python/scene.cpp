@@ -1,4 +1,4 @@
-#include "python/scene.h"
+#include "python/bindings.h"
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>

@@ -1,7 +1,7 @@
 // Vectorised calls into the parts that the statistical tests judge: one array in, one array out, no
 // statistics here.
 
-#include "python/statistics.h"
+#include "python/bindings.h"
 
 #include <nanobind/stl/string.h>
 

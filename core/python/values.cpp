@@ -135,15 +135,15 @@ nb::object origin_of(const Value *part, const Value &value, nb::handle source) {
     if (part == &value) return nb::borrow(source);
     nb::object found;
     if (const List *const list = value.get_if<List>()) {
-        for (std::size_t i = 0; i < list->size() && !found.is_valid(); ++i)
-            if (const nb::object item =
-                    nb::steal(PySequence_GetItem(source.ptr(), static_cast<Py_ssize_t>(i))))
-                found = origin_of(part, (*list)[i], item);
+        for (std::size_t i = 0; i < list->size() && !found.is_valid(); ++i) {
+            const nb::object item = nb::steal(PySequence_GetItem(source.ptr(), static_cast<Py_ssize_t>(i)));
+            if (!conversion_failed()) found = origin_of(part, (*list)[i], item);
+        }
     } else if (const Dict *const dict = value.get_if<Dict>()) {
         PyObject *key = nullptr, *item = nullptr;
         Py_ssize_t position = 0;
         for (const auto &[name, entry] : *dict)
-            if (PyDict_Next(source.ptr(), &position, &key, &item) && !found.is_valid())
+            if (!found.is_valid() && PyDict_Next(source.ptr(), &position, &key, &item))
                 found = origin_of(part, entry, item);
     }
     return found;
@@ -158,7 +158,7 @@ UnexpectedValue called_as_in_python(const UnexpectedValue &error, const Value &v
     return got.is_valid() ? error.called(nb::repr(got).c_str()) : error;
 }
 
-nb::object object_of(const Dict &value) {
+nb::dict object_of(const Dict &value) {
     nb::dict result;
     for (const auto &[key, item] : value) result[key.c_str()] = object_of(item);
     return result;

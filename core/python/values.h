@@ -14,7 +14,7 @@ namespace nb = nanobind;
 // What no model takes becomes an empty Object.
 Value value_of(nb::handle source);
 nb::object object_of(const Value &value); // None for objects
-nb::object object_of(const Dict &value);
+nb::dict object_of(const Dict &value);
 
 // The message with Python's own name for the value that `source` held; `value` was made of it.
 UnexpectedValue called_as_in_python(const UnexpectedValue &error, const Value &value, nb::handle source);

@@ -157,9 +157,9 @@ RTCGeometry make_geometry(RTCDevice device, const TriangleMesh &shape) {
     return geometry;
 }
 
-// Spatial splits, which are what high quality means, make rays faster among few large triangles (8 % in a hall
-// of 66 000). Among many small ones they make them no faster (in rooms of 200 000 to 400 000 up to 14 % slower),
-// and the build takes twice to three times as long.
+// Spatial splits, which are what high quality means, make rays faster among few large triangles (8 % in a
+// hall of 66 000). Among many small ones they do not (in rooms of 200 000 to 400 000 rays are up to 14 %
+// slower), and the build takes two to three times as long.
 RTCBuildQuality build_quality(std::span<const Shape> shapes) {
     std::size_t triangles = 0;
     for (const Shape &shape : shapes)

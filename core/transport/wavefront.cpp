@@ -31,6 +31,12 @@ Wavefront::Wavefront(const Scene &scene, const Path &integrator)
     std::vector<bool> wide;
     for (const Material &material : scene.parts().materials)
         wide.push_back(is_wide(material.front) && is_wide(material.back));
+    const auto transmits = [&](std::int32_t material) {
+        if (material < 0) return false;
+        const Material &m = scene.materials()[material];
+        return scene.materials().has_null_transmission(m.front) || scene.materials().has_null_transmission(m.back);
+    };
+    for (const ShapeSlot &slot : scene.parts().slots) transmits_.push_back(transmits(slot.material));
     for (const ShapeSlot &slot : scene.parts().slots)
         group_of_shape_.push_back(slot.material < 0 || wide[static_cast<std::size_t>(slot.material)] ? slot.material
                                                                                                    : one_by_one);
@@ -317,17 +323,20 @@ BounceSample<WideFloat> Wavefront::numbers(const Packet &packet, const PathState
         [&](int k) -> const Sampler & { return samplers_[static_cast<std::size_t>(packet.samples[k])]; }, path.block);
 }
 
-// Light that the lanes' samples send to their surfaces: along a shadow ray, which is traced later, or, where surfaces
-// in between may let some of it pass, at once.
+// Light that the lanes' samples send to their surfaces: along shadow rays, which are traced later; or at once, where
+// surfaces may let some of it pass, and then one ray after the other that meets such a surface.
 void Wavefront::add_direct_light(const Vertex &vertex, const DirectSample<WideFloat> &light,
                                  const BsdfEval<WideFloat> &bsdf, WideFloat share, WideBool lit, Tracer &tracer) {
     const Hit<WideFloat> &hit = vertex.hit;
     const Rgb<WideFloat> throughput = vertex.path.throughput * share;
-    if (!scene_.has_null_transmission()) {
-        const Rgb<WideFloat> value = throughput * integrator_.direct(light, bsdf, WideFloat(1));
-        return append(shadow_ray(leave(hit, light.wi), hit.position_error, light), value, vertex.packet, lit);
-    }
-    for_each_lane(lit, [&](int k) {
+    const Rgb<WideFloat> value = throughput * integrator_.direct(light, bsdf, WideFloat(1));
+    const Ray<WideFloat> ray = shadow_ray(leave(hit, light.wi), hit.position_error, light);
+    if (!scene_.has_null_transmission()) return append(ray, value, vertex.packet, lit);
+
+    const RayHits blockers = tracer.closest(ray, lit);
+    add(value, vertex.packet, lit && blockers.shape < 0);
+    for_each_lane(lit && blockers.shape >= 0, [&](int k) {
+        if (!transmits_[static_cast<std::size_t>(blockers.shape[k])]) return;
         const Hit<float> one_hit = lane_of(hit, k);
         const DirectSample<float> one_light = lane_of(light, k);
         const auto arrived = arrival(scene_, tracer, SurfacePoint{one_hit}, one_light, Vacuum());

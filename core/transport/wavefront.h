@@ -108,6 +108,7 @@ private:
     const Scene &scene_;
     const Path &integrator_;
     std::vector<std::int32_t> group_of_shape_; // its material, or one_by_one
+    std::vector<bool> transmits_;              // whether light may pass straight through a shape
     std::vector<std::uint32_t> group_sizes_;   // by material, zero between steps
 
     std::vector<Sampler> samplers_; // of the samples that are rendered

@@ -56,12 +56,10 @@ def _load(builder: Builder, loader: str, path: Path, options: Entry, location: L
     load = getattr(builder.core, loader)
     index = [options["shape_index"]] if "shape_index" in options else []
     try:
-        mesh = load(str(path), *index)
+        mesh = load(str(path), *index, flip_uvs=options["flip_tex_coords"])
     except builder.core.MeshError as problem:
         raise SceneError(f'"{path}": {problem}', location) from None
-    if "max_smooth_angle" in options:
-        mesh = mesh.with_smooth_normals(options["max_smooth_angle"])
-    return mesh.flip_uvs() if options["flip_tex_coords"] else mesh
+    return mesh.with_smooth_normals(options["max_smooth_angle"]) if "max_smooth_angle" in options else mesh
 
 
 def _with_normals(
