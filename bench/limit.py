@@ -49,7 +49,7 @@ def main() -> None:
     parser.add_argument("--spp", type=int, default=4)
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--size", help="WxH")
+    parser.add_argument("--size", type=lambda text: tuple(map(int, text.split("x"))), help="WxH")
     parser.add_argument("--max-depth", type=int, default=8)
     options = parser.parse_args()
     print(f"{'scene':28} {'M rays':>8} {'render':>8} {'replay':>8} {'ratio':>6}   (M rays/s; time / time)")

@@ -1,6 +1,7 @@
 #pragma once
-// Elementary functions of one float and of several, with the same bits for both. Polynomials and range reductions are
-// those of Cephes' single precision functions (Moshier 1992), within two units in the last place.
+// Elementary functions of one float and of several, with the same bits for both. Polynomials and range
+// reductions are those of Cephes' single precision functions (Moshier 1992), within two units in the last
+// place.
 
 #include <algorithm>
 #include <cmath>
@@ -16,7 +17,7 @@ inline constexpr float infinity = std::numeric_limits<float>::infinity();
 // The largest float below one: samples are in [0, one_minus_ulp].
 inline constexpr float one_minus_ulp = 0x1.fffffep-1f;
 
-// --- what the processor computes ---------------------------------------------------------------------------------
+// --- what the processor computes
 
 // Of a number and a NaN, min and max give the first operand, as std::min and std::max do.
 constexpr float min(float a, float b) { return b < a ? b : a; }
@@ -61,8 +62,12 @@ inline WideFloat floor(WideFloat x) { return raw_cast(_mm256_floor_ps(raw_cast<_
 #else
 inline WideFloat min(WideFloat a, WideFloat b) { return select(b < a, b, a); }
 inline WideFloat max(WideFloat a, WideFloat b) { return select(a < b, b, a); }
-inline WideFloat sqrt(WideFloat x) { return detail::each_lane(x, [](float y) { return std::sqrt(y); }); }
-inline WideFloat floor(WideFloat x) { return detail::each_lane(x, [](float y) { return std::floor(y); }); }
+inline WideFloat sqrt(WideFloat x) {
+    return detail::each_lane(x, [](float y) { return std::sqrt(y); });
+}
+inline WideFloat floor(WideFloat x) {
+    return detail::each_lane(x, [](float y) { return std::floor(y); });
+}
 #endif
 inline WideFloat abs(WideFloat x) { return as_float(as_int(x) & ~detail::sign_bit); }
 inline WideFloat copysign(WideFloat x, WideFloat sign) {
@@ -83,7 +88,7 @@ Float clamp(Float x, std::type_identity_t<Float> low, std::type_identity_t<Float
 inline float hypot(float x, float y) { return sqrt(x * x + y * y); }
 inline WideFloat hypot(WideFloat x, WideFloat y) { return sqrt(x * x + y * y); }
 
-// --- what takes polynomials --------------------------------------------------------------------------------------
+// --- what takes polynomials
 
 template <class Float, std::size_t n>
 constexpr Float polynomial(Float x, const float (&coefficients)[n]) { // the highest power first
@@ -102,7 +107,8 @@ constexpr SineCosine<Float> sine_cosine_of_octant(Float x) {
     const Float z = x * x;
     return {x + x * z * polynomial(z, {-1.9515295891e-4f, 8.3321608736e-3f, -1.6666654611e-1f}),
             1 - 0.5f * z +
-                z * z * polynomial(z, {2.443315711809948e-5f, -1.388731625493765e-3f, 4.166664568298827e-2f})};
+                z * z *
+                    polynomial(z, {2.443315711809948e-5f, -1.388731625493765e-3f, 4.166664568298827e-2f})};
 }
 
 // Accurate for |x| below some thousands.
@@ -188,8 +194,9 @@ Float atan2(Float y, Float x) {
     const auto steep = t > 0.41421356f;                                // tan(pi/8)
     const Float r = select(steep, (t - 1) / (t + 1), t);
     const Float z = r * r;
-    Float angle = r + r * z * polynomial(z, {8.05374449538e-2f, -1.38776856032e-1f, 1.99777106478e-1f,
-                                             -3.33329491539e-1f});
+    Float angle =
+        r +
+        r * z * polynomial(z, {8.05374449538e-2f, -1.38776856032e-1f, 1.99777106478e-1f, -3.33329491539e-1f});
     angle = angle + select(steep, Float(pi / 4), Float(0));
     angle = select(ay > ax, pi / 2 - angle, angle);
     angle = select(as_int(x) < 0, pi - angle, angle);

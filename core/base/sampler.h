@@ -15,8 +15,8 @@ namespace lajolla {
 
 namespace detail {
 
-// Vectors of the processor; those of eight hold the numbers of one block, those of `lanes` one number of several
-// paths.
+// Vectors of the processor; those of eight hold the numbers of one block, those of `lanes` one number of
+// several paths.
 using U32x8 [[gnu::vector_size(32)]] = std::uint32_t;
 using I32x8 [[gnu::vector_size(32)]] = std::int32_t;
 using F32x8 [[gnu::vector_size(32)]] = float;
@@ -74,7 +74,8 @@ Uint laine_karras(Uint x, Uint seed) {
 }
 
 // Multiplies the bits with Pascal's triangle modulo 2, where a mask selects: the second dimension of Sobol's
-// sequence, bit reversed. Binomial(c, r) is odd where r's bits are a subset of c's (Lucas), hence five masked shifts.
+// sequence, bit reversed. Binomial(c, r) is odd where r's bits are a subset of c's (Lucas), hence five masked
+// shifts.
 template <class Uint, class Mask>
 Uint pascal(Uint x, Mask selected) {
     x ^= (x >> 1) & (selected & 0x55555555u);
@@ -87,7 +88,9 @@ Uint pascal(Uint x, Mask selected) {
 inline F32x8 to_unit_floats(U32x8 x) {
     return __builtin_convertvector(std::bit_cast<I32x8>(x >> 8), F32x8) * 0x1p-24f;
 }
-inline WideFloat to_unit_float(WideUint x) { return to_float(WideInt(std::bit_cast<WideInt::Raw>(x >> 8))) * 0x1p-24f; }
+inline WideFloat to_unit_float(WideUint x) {
+    return to_float(WideInt(std::bit_cast<WideInt::Raw>(x >> 8))) * 0x1p-24f;
+}
 
 } // namespace detail
 
@@ -182,7 +185,8 @@ private:
             __builtin_shufflevector(per_lane, per_lane, 0, 0, 2, 2, 4, 4, 6, 6); // one a pair
         const U32x8 odd_lanes{0, ~0u, 0, ~0u, 0, ~0u, 0, ~0u};
         const U32x8 shuffled = reverse_bits(laine_karras(zero + index_, shuffle));
-        return to_unit_floats(reverse_bits(laine_karras(pascal(shuffled, odd_lanes), high * multiplier_vector)));
+        return to_unit_floats(
+            reverse_bits(laine_karras(pascal(shuffled, odd_lanes), high * multiplier_vector)));
     }
 
     template <class Samplers>

@@ -1,6 +1,6 @@
 #pragma once
-// Two- and three-component values of float or WideFloat. Points, vectors, normals and colours are told apart by their tag, so
-// that a colour never slips in where a direction is meant.
+// Two- and three-component values of float or WideFloat. Points, vectors, normals and colours are told apart
+// by their tag, so that a colour never slips in where a direction is meant.
 
 #include <array>
 #include <cstddef>

@@ -1,11 +1,11 @@
 #pragma once
 // Numbers that are computed several at a time, one in each lane of the processor's vector registers.
 //
-// Light transport is written once, as templates over the number type: `Float` is float, or WideFloat, which holds
-// `lanes` of them. BoolOf<Float> and IntOf<Float> go with it. Code for both has no branches on values of its lanes:
-// select(condition, a, b) takes the place of `condition ? a : b`, and early returns become masks. Every operation is
-// done lane by lane exactly as it is on floats, so that both give the same bits (the build forbids the compiler to
-// contract a * b + c, which it might do in one and not in the other).
+// Light transport is written once, as templates over the number type: `Float` is float, or WideFloat, which
+// holds `lanes` of them. BoolOf<Float> and IntOf<Float> go with it. Code for both has no branches on values
+// of its lanes: select(condition, a, b) takes the place of `condition ? a : b`, and early returns become
+// masks. Every operation is done lane by lane exactly as it is on floats, so that both give the same bits
+// (the build forbids the compiler to contract a * b + c, which it might do in one and not in the other).
 
 #include <bit>
 #include <cmath>
@@ -130,7 +130,7 @@ WideFloat raw_cast(Vector x) {
     return WideFloat(std::bit_cast<WideFloat::Raw>(x));
 }
 
-// --- masks -----------------------------------------------------------------------------------------------------
+// --- masks
 
 // One bit a lane, the first lane lowest.
 inline unsigned bits(WideBool m) {
@@ -176,7 +176,7 @@ void for_each_lane(WideBool m, F &&f) {
     for (unsigned rest = bits(m); rest; rest &= rest - 1) f(std::countr_zero(rest));
 }
 
-// --- conversions -----------------------------------------------------------------------------------------------
+// --- conversions
 
 inline std::int32_t as_int(float x) { return std::bit_cast<std::int32_t>(x); }
 inline float as_float(std::int32_t x) { return std::bit_cast<float>(x); }
@@ -195,7 +195,7 @@ inline WideInt to_int(WideFloat x) { return WideInt(__builtin_convertvector(x.v,
 constexpr float to_float(std::int32_t x) { return static_cast<float>(x); }
 inline WideFloat to_float(WideInt x) { return WideFloat(__builtin_convertvector(x.v, WideFloat::Raw)); }
 
-// --- memory ----------------------------------------------------------------------------------------------------
+// --- memory
 
 inline WideFloat load(const float *p) {
     WideFloat result;
@@ -236,7 +236,8 @@ struct Quad {
 
 namespace detail {
 
-// For lane k of a shuffle of a and b: which lane of a, or of b behind it. All shuffles keep to blocks of four lanes.
+// For lane k of a shuffle of a and b: which lane of a, or of b behind it. All shuffles keep to blocks of four
+// lanes.
 constexpr int unpack_low(int k) { return (k % 2 ? lanes : 0) + k / 4 * 4 + k % 4 / 2; }
 constexpr int unpack_high(int k) { return unpack_low(k) + 2; }
 constexpr int low_halves(int k) { return (k % 4 / 2 ? lanes : 0) + k / 4 * 4 + k % 2; }
@@ -260,8 +261,8 @@ inline Quad<WideFloat> transposed(const Quad<WideFloat> &m) {
 } // namespace detail
 
 namespace detail {
-// Blocks of four numbers to and from a vector. (Copying them through memory would stall the processor, which cannot
-// forward several small stores to one large load.)
+// Blocks of four numbers to and from a vector. (Copying them through memory would stall the processor, which
+// cannot forward several small stores to one large load.)
 using Four [[gnu::vector_size(16)]] = float;
 template <class Half>
 auto side_by_side(Half a, Half b) {
@@ -300,7 +301,8 @@ template <class Row>
         [&]<int... block>(std::integer_sequence<int, block...>) __attribute__((always_inline)) {
             const auto put = [](float *to, detail::Four four) { std::memcpy(to, &four, sizeof four); };
             (put(row(first + 4 * block), detail::four_of<block>(x.v)), ...);
-        }(std::make_integer_sequence<int, lanes / 4>());
+        }
+        (std::make_integer_sequence<int, lanes / 4>());
     };
     every_fourth(rows.x, 0), every_fourth(rows.y, 1), every_fourth(rows.z, 2), every_fourth(rows.w, 3);
 }

@@ -6,13 +6,13 @@
 #include <vector>
 
 #include "engine/describe.h"
+#include "geometry/curves.h"
+#include "geometry/mesh.h"
+#include "images/image.h"
+#include "materials/material.h"
+#include "media/medium.h"
 #include "scatter/bsdfs.h"
 #include "scatter/measured.h"
-#include "scene/curves.h"
-#include "scene/image.h"
-#include "scene/material.h"
-#include "scene/medium.h"
-#include "scene/mesh.h"
 
 namespace lajolla {
 

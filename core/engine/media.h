@@ -2,7 +2,7 @@
 // The media of a description.
 
 #include "engine/value.h"
-#include "scene/medium.h"
+#include "media/medium.h"
 
 namespace lajolla {
 

@@ -6,7 +6,7 @@
 
 #include "engine/accumulator.h"
 #include "engine/build.h"
-#include "scene/mesh.h"
+#include "geometry/mesh.h"
 
 namespace {
 

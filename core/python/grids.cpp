@@ -7,7 +7,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "scene/grid.h"
+#include "images/grid.h"
 
 namespace lajolla {
 

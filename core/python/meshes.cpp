@@ -12,13 +12,13 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include "geometry/curves.h"
+#include "geometry/mesh.h"
+#include "images/image.h"
 #include "meshio/obj.h"
 #include "meshio/ply.h"
 #include "meshio/serialized.h"
 #include "python/values.h"
-#include "scene/curves.h"
-#include "scene/image.h"
-#include "scene/mesh.h"
 
 namespace lajolla {
 

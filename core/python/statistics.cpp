@@ -15,10 +15,10 @@
 #include "base/sampler.h"
 #include "base/warp.h"
 #include "engine/described.h"
+#include "geometry/hit.h"
 #include "python/arrays.h"
 #include "python/values.h"
 #include "scatter/bsdfs.h"
-#include "scene/hit.h"
 
 namespace lajolla {
 
@@ -28,7 +28,8 @@ namespace {
 struct ConstantReader {
     template <class T>
     static const T &value(const Texture<T> &texture) {
-        if (!texture.is_constant()) throw DescriptionError("bsdf: outside a scene textures must be constants");
+        if (!texture.is_constant())
+            throw DescriptionError("bsdf: outside a scene textures must be constants");
         return texture.constant;
     }
     const Spectrum &operator()(const Texture<Spectrum> &texture) const { return value(texture); }
@@ -79,7 +80,8 @@ private:
 Vec3<WideFloat> rows_of(const Rows<3> &array, std::size_t first, std::size_t count) {
     Vec3<WideFloat> result;
     for (std::size_t k = 0; k < lanes; ++k)
-        set_lane(result, static_cast<int>(k), triple(array, array.shape(0) == 1 ? 0 : first + std::min(k, count - 1)));
+        set_lane(result, static_cast<int>(k),
+                 triple(array, array.shape(0) == 1 ? 0 : first + std::min(k, count - 1)));
     return result;
 }
 
@@ -101,11 +103,12 @@ nb::dict LoneBsdf::sample_many(const Rows<3> &wo, const Rows<3> &u, bool one_lan
     };
     const bool done = !one_lane && in_lanes(n, [&](std::size_t first, std::size_t count, const auto &lobe) {
         const Vec3<WideFloat> numbers = rows_of(u, first, count);
-        const auto s = lobe.sample(rows_of(wo, first, count), numbers.x, Vec2<WideFloat>{numbers.y, numbers.z});
+        const auto s =
+            lobe.sample(rows_of(wo, first, count), numbers.x, Vec2<WideFloat>{numbers.y, numbers.z});
         for (int k = 0; k < static_cast<int>(count); ++k)
             set(first + static_cast<std::size_t>(k),
-                {s.valid.v[k] != 0, lane_of(s.wi, k), lane_of(s.weight, k), s.pdf[k], s.eta[k], s.delta.v[k] != 0,
-                 s.width[k]});
+                {s.valid.v[k] != 0, lane_of(s.wi, k), lane_of(s.weight, k), s.pdf[k], s.eta[k],
+                 s.delta.v[k] != 0, s.width[k]});
     });
     for (std::size_t i = 0; i < n && !done; ++i)
         set(i, sample(lobe_, triple(wo, i), u(i, 0), {u(i, 1), u(i, 2)}));
@@ -159,7 +162,8 @@ std::vector<Sampler> samplers_of(const std::string &kind, const auto &rows) {
     return result;
 }
 
-// Fills a table by one(row), or by wide(index of each lane -> row), whose lanes beyond the last row repeat it.
+// Fills a table by one(row), or by wide(index of each lane -> row), whose lanes beyond the last row repeat
+// it.
 template <std::size_t N, class One, class Wide>
 nb::object in_packets(std::size_t rows, bool one_lane, One &&one, Wide &&wide) {
     Table<float, N> table(rows);
@@ -198,8 +202,7 @@ nb::object sampler_cameras(const std::string &kind, const SampleRows<4> &rows, b
 nb::object sampler_bounces(const std::string &kind, const SampleRows<5> &rows, bool one_lane) {
     const std::vector<Sampler> samplers = samplers_of(kind, rows);
     return in_packets<8>(
-        samplers.size(), one_lane,
-        [&](std::size_t i) { return numbers_of(samplers[i].bounce(rows(i, 4))); },
+        samplers.size(), one_lane, [&](std::size_t i) { return numbers_of(samplers[i].bounce(rows(i, 4))); },
         [&](auto &&row) {
             WideInt bounce;
             for (int k = 0; k < lanes; ++k) bounce.v[k] = static_cast<std::int32_t>(rows(row(k), 4));
@@ -233,8 +236,7 @@ Float elementary_value(const std::string &name, Float x, Float y) {
 nb::object elementary(const std::string &name, const Column &x, const Column &y, bool one_lane) {
     if (x.shape(0) != y.shape(0)) throw std::invalid_argument("elementary: as many x as y expected");
     return in_packets<1>(
-        x.shape(0), one_lane,
-        [&](std::size_t i) { return std::array{elementary_value(name, x(i), y(i))}; },
+        x.shape(0), one_lane, [&](std::size_t i) { return std::array{elementary_value(name, x(i), y(i))}; },
         [&](auto &&row) {
             WideFloat a, b;
             for (int k = 0; k < lanes; ++k) a.v[k] = x(row(k)), b.v[k] = y(row(k));
@@ -341,14 +343,15 @@ void bind_statistics(nb::module_ &m) {
              "Samples wi given wo (1 or N, 3), u (N, 3) = u_lobe, u.x, u.y in [0, 1): a dict of arrays wi "
              "(N, 3), "
              "weight (N, 3), pdf, eta, width, delta and valid (N,).")
-        .def("eval_many", &LoneBsdf::eval_many, nb::arg("wo"), nb::arg("wi"),
-             nb::arg("one_lane") = false,
+        .def("eval_many", &LoneBsdf::eval_many, nb::arg("wo"), nb::arg("wi"), nb::arg("one_lane") = false,
              "Evaluates wo (1 or N, 3), wi (N, 3): f_cos (N, 3) and pdf (N,) per solid angle.");
     m.def("sampler_cameras", &sampler_cameras, nb::arg("kind"), nb::arg("rows"), nb::arg("one_lane") = false,
-          "The camera numbers (N, 6) of rows (N, 4) of seed, x, y, index: film x, y, lens x, y, flight, channel.");
-    m.def("sampler_bounces", &sampler_bounces, nb::arg("kind"), nb::arg("rows"), nb::arg("one_lane") = false,
-          "The numbers (N, 8) of rows (N, 5) of seed, x, y, index, bounce: light_uv x, y, bsdf_uv x, y, light, "
-          "lobe, roulette, flight.");
+          "The camera numbers (N, 6) of rows (N, 4) of seed, x, y, index: film x, y, lens x, y, flight, "
+          "channel.");
+    m.def(
+        "sampler_bounces", &sampler_bounces, nb::arg("kind"), nb::arg("rows"), nb::arg("one_lane") = false,
+        "The numbers (N, 8) of rows (N, 5) of seed, x, y, index, bounce: light_uv x, y, bsdf_uv x, y, light, "
+        "lobe, roulette, flight.");
     m.def("elementary", &elementary, nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("one_lane") = false,
           "A function of base/math.h of x (N,) and y (N,), which those of one number ignore.");
     m.def("distribution_sample", &distribution_sample, nb::arg("weights"), nb::arg("u"),

@@ -2,11 +2,11 @@
 
 #include <nanobind/stl/shared_ptr.h>
 
+#include "geometry/curves.h"
+#include "geometry/mesh.h"
+#include "images/grid.h"
+#include "images/image.h"
 #include "scatter/measured.h"
-#include "scene/curves.h"
-#include "scene/grid.h"
-#include "scene/image.h"
-#include "scene/mesh.h"
 
 namespace lajolla {
 

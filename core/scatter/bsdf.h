@@ -1,11 +1,11 @@
 #pragma once
 // The BSDF contract.
 //
-// A *model* is the stored declaration with its fields. `prepare<Float>(read)` reads its textures at one hit, or at
-// those of all lanes, through `read(texture) -> value`, and gives a *lobe*: a small value that answers eval() and
-// sample(). Lobes are templates over the number type (base/wide.h): what differs between lanes is a Float, what
-// belongs to the model is a plain number or pointer. A model may also have a plain `Lobe` and `prepare(read)`; it is
-// then run lane by lane.
+// A *model* is the stored declaration with its fields. `prepare<Float>(read)` reads its textures at one hit,
+// or at those of all lanes, through `read(texture) -> value`, and gives a *lobe*: a small value that answers
+// eval() and sample(). Lobes are templates over the number type (base/wide.h): what differs between lanes is
+// a Float, what belongs to the model is a plain number or pointer. A model may also have a plain `Lobe` and
+// `prepare(read)`; it is then run lane by lane.
 //
 // Directions are in the local frame (n = +z) and point away from the surface; `wo` is the known side, `wi`
 // the generated side. Lobes that are not `transmissive` see wo.z > 0 only. eval() is joint: the value times
@@ -44,8 +44,8 @@ struct BsdfSample {
 };
 
 // Light that passes straight through, as if nothing were there. Lobes with such a part have
-// `null_transmission(wo)`; their sample() takes that part for the last `probability` of u_lobe, so that transport may
-// decide beforehand.
+// `null_transmission(wo)`; their sample() takes that part for the last `probability` of u_lobe, so that
+// transport may decide beforehand.
 template <class Float>
 struct NullTransmission {
     Rgb<Float> transmittance{0}; // how much of the light
@@ -58,18 +58,18 @@ BsdfEval<Float> select(BoolOf<Float> m, const BsdfEval<Float> &a, const BsdfEval
 }
 template <class Float>
 BsdfSample<Float> select(BoolOf<Float> m, const BsdfSample<Float> &a, const BsdfSample<Float> &b) {
-    return {select(m, a.valid, b.valid), select(m, a.wi, b.wi),       select(m, a.weight, b.weight),
-            select(m, a.pdf, b.pdf),     select(m, a.eta, b.eta),     select(m, a.delta, b.delta),
+    return {select(m, a.valid, b.valid), select(m, a.wi, b.wi),   select(m, a.weight, b.weight),
+            select(m, a.pdf, b.pdf),     select(m, a.eta, b.eta), select(m, a.delta, b.delta),
             select(m, a.width, b.width)};
 }
 
 // What transport must know of a model before any of its lobes is made.
 struct BsdfTraits {
-    bool transmissive = false; // light passes through: wo.z < 0 is meaningful
-    bool delta = false;        // eval() is zero everywhere: light sampling is of no use
-    bool anisotropic = false;  // it matters where the tangent points
-    bool lambertian = false;   // f is a constant
-    bool null_transmission = false;                     // its lobes have null_transmission()
+    bool transmissive = false;      // light passes through: wo.z < 0 is meaningful
+    bool delta = false;             // eval() is zero everywhere: light sampling is of no use
+    bool anisotropic = false;       // it matters where the tangent points
+    bool lambertian = false;        // f is a constant
+    bool null_transmission = false; // its lobes have null_transmission()
     const Texture<Spectrum> *diffuse_colour = nullptr; // what stands for the colour of its diffuse part
 };
 

@@ -33,7 +33,8 @@ HitNeeds needs_of(const SceneParts &parts, std::span<const BsdfTraits> traits, b
     HitNeeds needs{!parts.textures.empty(), reads_footprints, reads_footprints};
     for (const BsdfTraits &each : traits) needs.tangents |= each.anisotropic;
     for (const Adapter &adapter : parts.adapters)
-        needs.tangents |= std::holds_alternative<BumpMap>(adapter) || std::holds_alternative<NormalMap>(adapter);
+        needs.tangents |=
+            std::holds_alternative<BumpMap>(adapter) || std::holds_alternative<NormalMap>(adapter);
     for (const TextureModel &texture : parts.textures)
         needs.curvature |= std::holds_alternative<CurvatureTexture>(texture);
     return needs;
@@ -106,7 +107,8 @@ Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const RayCone<
     return hit;
 }
 
-void Scene::fill_in_instance(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs, Hit<float> &hit) const {
+void Scene::fill_in_instance(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs,
+                             Hit<float> &hit) const {
     const Instance &instance = parts_.instances[found.instance];
     const Ray<float> inside = instance.in_group(ray);
     match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(inside, found, needs, hit); });
@@ -128,8 +130,9 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     result.footprint = cones.at(hits.distance);
     result.shape = hits.shape;
     result.primitive = hits.primitive;
-    const auto slots = load_rows(
-        [&](int k) { return reinterpret_cast<const float *>(&parts_.slots[static_cast<std::size_t>(hits.shape[k])]); });
+    const auto slots = load_rows([&](int k) {
+        return reinterpret_cast<const float *>(&parts_.slots[static_cast<std::size_t>(hits.shape[k])]);
+    });
     result.material = as_int(slots.x), result.emitter = as_int(slots.y);
     result.interior = as_int(slots.z), result.exterior = as_int(slots.w);
 
@@ -154,18 +157,20 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
             uvs[corner][k] = mesh.uvs ? &mesh.uvs[t[corner]].x : nothing;
         }
     }
-    const auto vector = [](const float *const (&rows)[lanes]) {
+    const auto vector = [](const float *const(&rows)[lanes]) {
         const auto q = load_rows([&](int k) { return rows[k]; });
         return Vec3<WideFloat>{q.x, q.y, q.z};
     };
-    const auto pair = [&](const float *const (&rows)[lanes]) {
+    const auto pair = [&](const float *const(&rows)[lanes]) {
         const Vec3<WideFloat> v = vector(rows);
         return Vec2<WideFloat>{v.x, v.y};
     };
-    const TriangleCorners<WideFloat> corners{vector(positions[0]), vector(positions[1]), vector(positions[2])};
+    const TriangleCorners<WideFloat> corners{vector(positions[0]), vector(positions[1]),
+                                             vector(positions[2])};
     TriangleNormals<WideFloat> triangle_normals;
     if (with_normals)
-        triangle_normals = {mask_of(with_normals), vector(normals[0]), vector(normals[1]), vector(normals[2])};
+        triangle_normals = {mask_of(with_normals), vector(normals[0]), vector(normals[1]),
+                            vector(normals[2])};
     TriangleUvs<WideFloat> triangle_uvs;
     if (with_uvs && (needs.uvs || needs.tangents))
         triangle_uvs = {mask_of(with_uvs), pair(uvs[0]), pair(uvs[1]), pair(uvs[2])};
@@ -221,10 +226,13 @@ AnySurface Scene::surface(const Choice &choice, const Hit<float> &hit, const Vec
     const auto [black, frame, bent] = shading_frame(traits, hit, wo, normal, turned);
     if (black) return {};
     const Vec3f local = frame.to_local(wo);
-    AnySurface result{false, traits.delta, 1, frame, local,
-                      prepare(parts_.bsdfs[static_cast<std::size_t>(id)], filtered_reader(hit, wo)), bent};
+    AnySurface result{false, traits.delta,
+                      1,     frame,
+                      local, prepare(parts_.bsdfs[static_cast<std::size_t>(id)], filtered_reader(hit, wo)),
+                      bent};
     result.sharp = result.sharp || roughness(result.lobe) < sharpest();
-    if (traits.null_transmission) result.stopped = 1 - lajolla::null_transmission(result.lobe, local).probability;
+    if (traits.null_transmission)
+        result.stopped = 1 - lajolla::null_transmission(result.lobe, local).probability;
     return result;
 }
 

@@ -7,17 +7,17 @@
 #include <span>
 #include <vector>
 
+#include "accel/accel.h"
+#include "geometry/instance.h"
+#include "geometry/shapes.h"
+#include "lights/lights.h"
+#include "materials/material.h"
+#include "materials/surface.h"
+#include "media/medium.h"
 #include "scatter/bsdfs.h"
-#include "scene/accel.h"
-#include "scene/camera.h"
-#include "scene/film.h"
-#include "scene/instance.h"
-#include "scene/lights.h"
-#include "scene/material.h"
-#include "scene/medium.h"
-#include "scene/shapes.h"
-#include "scene/surface.h"
-#include "scene/textures.h"
+#include "sensors/camera.h"
+#include "sensors/film.h"
+#include "textures/textures.h"
 
 namespace lajolla {
 
@@ -135,15 +135,17 @@ public:
     }
     const Materials &materials() const { return materials_; }
 
-    // The plain BSDFs of a material's two sides, -1 for black: nothing where there are adapters, or where light
-    // passes straight through.
+    // The plain BSDFs of a material's two sides, -1 for black: nothing where there are adapters, or where
+    // light passes straight through.
     struct PlainMaterial {
         std::int32_t front = -1, back = -1;
     };
     std::optional<PlainMaterial> plain_material(std::int32_t material) const;
-    const BsdfTraits &traits_of(std::int32_t bsdf) const { return bsdf_traits_[static_cast<std::size_t>(bsdf)]; }
-    // Scenes write alpha = 0.0001 for a mirror. A lobe below this roughness is narrower than any light that has an
-    // area, so that samples of lights would only cost time; lights without area need them still.
+    const BsdfTraits &traits_of(std::int32_t bsdf) const {
+        return bsdf_traits_[static_cast<std::size_t>(bsdf)];
+    }
+    // Scenes write alpha = 0.0001 for a mirror. A lobe below this roughness is narrower than any light that
+    // has an area, so that samples of lights would only cost time; lights without area need them still.
     float sharpest() const { return picker_.has_delta_lights() ? 0 : 5e-4f; }
 
 private:
@@ -162,7 +164,8 @@ private:
         MappedNormal<float> normal;
     };
     Side side(const Hit<float> &hit, const Vec3f &wo) const;
-    void fill_in_instance(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs, Hit<float> &hit) const;
+    void fill_in_instance(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs,
+                          Hit<float> &hit) const;
     SceneParts parts_;
     std::vector<BsdfTraits> bsdf_traits_;
     std::vector<MeshArrays> meshes_; // of each shape that is a mesh

@@ -39,8 +39,8 @@ private:
         return power_heuristic(n * pdf, static_cast<float>(other_count) * other_pdf) / n;
     }
 
-    Spectrum sample_light(const Scene &scene, Tracer &tracer, const Hit<float> &hit, const AnySurface &surface,
-                          const BounceSample<float> &u) const;
+    Spectrum sample_light(const Scene &scene, Tracer &tracer, const Hit<float> &hit,
+                          const AnySurface &surface, const BounceSample<float> &u) const;
     Spectrum sample_bsdf(const Scene &scene, Tracer &tracer, const Hit<float> &hit, const AnySurface &surface,
                          const BounceSample<float> &u) const;
 };
@@ -57,8 +57,8 @@ struct Sight {
 // Light counts weight(reach, pdf()) times: `reach` is the chance of coming that far through what lets
 // rays pass, `pdf` the density of sampling the light from `origin`.
 template <class Weight>
-Sight look(const Scene &scene, Tracer &tracer, const Vec3f &origin, Ray<float> ray, RayCone<float> cone, float flight,
-           bool hide_emitters, Weight &&weight) {
+Sight look(const Scene &scene, Tracer &tracer, const Vec3f &origin, Ray<float> ray, RayCone<float> cone,
+           float flight, bool hide_emitters, Weight &&weight) {
     Sight sight{std::nullopt, Spectrum(0), Spectrum(1), flight};
     float reach = 1;
     for (int passages = 0; passages <= max_null_transmissions; ++passages) {

@@ -49,7 +49,8 @@ struct FirstHit {
             field("first_shape", &FirstHit::first_shape, "from which shape_index counts").range(0));
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &, const CameraRay<float> &camera) const {
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &,
+                      const CameraRay<float> &camera) const {
         const auto found = tracer.closest(camera.ray);
         return found ? value(scene, camera, scene.hit(camera.ray, *found, camera.cone)) : undefined;
     }
@@ -75,7 +76,8 @@ inline Vec2f uv_difference(const Hit<float> &hit, const Ray<float> &other) {
 
 } // namespace detail
 
-inline Spectrum FirstHit::value(const Scene &scene, const CameraRay<float> &camera, const Hit<float> &hit) const {
+inline Spectrum FirstHit::value(const Scene &scene, const CameraRay<float> &camera,
+                                const Hit<float> &hit) const {
     const auto pair = [](Vec2f v) { return Spectrum(v.x, v.y, 0); };
     const auto difference = [&](Vec2f step) {
         const Film &film = scene.film();

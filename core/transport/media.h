@@ -215,7 +215,8 @@ inline void InMedia::attenuate(const Homogeneous &, const Media &media, const Ra
 
 // Ratio tracking (Novák et al. 2014, "Residual ratio tracking for estimating attenuation in participating
 // media"), which roulette ends where little is left.
-inline void InMedia::attenuate(const Heterogeneous &model, const Media &media, const Ray<float> &ray, Light &light) {
+inline void InMedia::attenuate(const Heterogeneous &model, const Media &media, const Ray<float> &ray,
+                               Light &light) {
     float thickness = detail::sample_thickness(numbers_.next());
     int collisions = 0;
     model.majorants.traverse(ray, [&](float t, float end, float majorant) {

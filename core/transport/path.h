@@ -1,14 +1,17 @@
 #pragma once
-// Path tracing. The radiance that leaves x_1 towards the camera is (Kajiya 1986; Veach 1997, chapters 8 to 10)
+// Path tracing. The radiance that leaves x_1 towards the camera is (Kajiya 1986; Veach 1997, chapters 8 to
+// 10)
 //
-//     L(x_1, wo) = Le(x_1, wo) + integral of f(wo, wi) L(x_2, -wi) |cos wi| dwi,  x_2 = what is seen from x_1 along wi,
+//     L(x_1, wo) = Le(x_1, wo) + integral of f(wo, wi) L(x_2, -wi) |cos wi| dwi,  x_2 = what is seen from x_1
+//     along wi,
 //
-// and a path grows from the camera, one vertex after the other: `emitted` gathers Le where the path hits light,
-// `direct` estimates the part of the integral that comes straight from lights by sampling these, and `scatter` samples wi
-// for all the rest. Light found both ways is weighted by multiple importance sampling.
+// and a path grows from the camera, one vertex after the other: `emitted` gathers Le where the path hits
+// light, `direct` estimates the part of the integral that comes straight from lights by sampling these, and
+// `scatter` samples wi for all the rest. Light found both ways is weighted by multiple importance sampling.
 //
-// The pieces are templates over the number type. Depth first, in this file, they follow one path to its end, through
-// surfaces and media; transport/wavefront.h lets them do a vertex of many paths at once, with the same bits.
+// The pieces are templates over the number type. Depth first, in this file, they follow one path to its end,
+// through surfaces and media; transport/wavefront.h lets them do a vertex of many paths at once, with the
+// same bits.
 
 #include <array>
 
@@ -101,16 +104,17 @@ struct Path {
     BoolOf<Float> counts(const DirectSample<Float> &light) const {
         return light.pdf != 0.0f && (light.delta || BoolOf<Float>(strategy != Strategy::bsdf));
     }
-    // What light from a sampled point adds to the radiance that a vertex scatters, if nothing is in between: f Le |cos|
-    // over the density, weighted against hitting the light by a path, which comes as far as it with probability `reach`.
+    // What light from a sampled point adds to the radiance that a vertex scatters, if nothing is in between:
+    // f Le |cos| over the density, weighted against hitting the light by a path, which comes as far as it
+    // with probability `reach`.
     template <class Float>
     Rgb<Float> direct(const DirectSample<Float> &light, const BsdfEval<Float> &bsdf, Float reach) const {
         const Float weight = weight_of_light(light, bsdf.pdf * reach);
         return bsdf.f_cos * light.radiance * (weight / (light.pdf * sqr(bsdf.eta)));
     }
 
-    // Lets a path go on from a surface in a sampled direction. Radiance over eta^2 is what stays constant along a ray
-    // that refracts (Veach 1997, section 5.2).
+    // Lets a path go on from a surface in a sampled direction. Radiance over eta^2 is what stays constant
+    // along a ray that refracts (Veach 1997, section 5.2).
     template <class Float>
     static void scatter(const Scene &scene, const Hit<Float> &hit, const BsdfSample<Float> &sample,
                         BoolOf<Float> sharp, PathState<Float> &path) {
@@ -124,8 +128,8 @@ struct Path {
             path.cone = hit.footprint.scattered(hit.mean_curvature, sample.width, sample.eta);
         path.depth += 1;
     }
-    // Russian roulette on the throughput without its eta^2, so that entering glass does not make paths die; `highest`
-    // chance of survival. False where the path ends.
+    // Russian roulette on the throughput without its eta^2, so that entering glass does not make paths die;
+    // `highest` chance of survival. False where the path ends.
     template <class Float>
     BoolOf<Float> survives(const BounceSample<Float> &u, float highest, PathState<Float> &path) const {
         path.flight = u.flight;
@@ -141,7 +145,8 @@ struct Path {
 
     // Lets a path go straight on through a surface.
     template <class Float>
-    static void pass_through(const Hit<Float> &hit, const NullTransmission<Float> &through, PathState<Float> &path) {
+    static void pass_through(const Hit<Float> &hit, const NullTransmission<Float> &through,
+                             PathState<Float> &path) {
         const Vec3<Float> direction = path.ray.direction;
         path.throughput *= through.transmittance / through.probability;
         path.pdf *= through.probability;
@@ -183,19 +188,21 @@ private:
     // Light that arrives at a vertex straight from a sampled point on a light, and is scattered along the
     // path.
     template <class Vertex, class Medium>
-    Spectrum direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex, const BounceSample<float> &u,
-                          const Medium &medium) const;
+    Spectrum direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex,
+                          const BounceSample<float> &u, const Medium &medium) const;
 
     // Follows the ray through the medium that it is in, up to what was found, and scatters the path where it
     // collides before.
-    Course cross_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler, const BounceSample<float> &u,
-                        const std::optional<RayHit> &found, Walk<InMedia> &walk) const;
+    Course cross_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                        const BounceSample<float> &u, const std::optional<RayHit> &found,
+                        Walk<InMedia> &walk) const;
     // Scatters the path at a surface; false where it ends.
     template <class Medium>
     bool scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                             const BounceSample<float> &u, const Hit<float> &hit, Walk<Medium> &walk) const;
     template <class Medium>
-    bool goes_on(const Sampler &sampler, const BounceSample<float> &u, float highest, Walk<Medium> &walk) const;
+    bool goes_on(const Sampler &sampler, const BounceSample<float> &u, float highest,
+                 Walk<Medium> &walk) const;
 };
 
 // Veach 1997, equation 9.13 with beta = 2, for one sample of each strategy.
@@ -221,8 +228,8 @@ Float Path::weight_of_light(const DirectSample<Float> &light, Float path_pdf) co
 }
 
 template <class Vertex, class Medium>
-Spectrum Path::direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex, const BounceSample<float> &u,
-                            const Medium &medium) const {
+Spectrum Path::direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex,
+                            const BounceSample<float> &u, const Medium &medium) const {
     if (scene.lights().empty()) return Spectrum(0);
     const DirectSample<float> light = scene.lights().sample_direct(vertex.position(), u.light, u.light_uv);
     if (!counts(light)) return Spectrum(0);
@@ -257,9 +264,10 @@ inline Path::Course Path::cross_medium(const Scene &scene, Tracer &tracer, const
 
     const MediumVertex vertex{*flight.collision, -piece.direction,
                               scene.media().phase(walk.medium.current, *flight.collision)};
-    walk.radiance += path.throughput *
-                     direct_light(scene, tracer, vertex, u,
-                                  walk.medium.for_shadow_ray(sampler, static_cast<std::uint32_t>(path.block)));
+    walk.radiance +=
+        path.throughput *
+        direct_light(scene, tracer, vertex, u,
+                     walk.medium.for_shadow_ray(sampler, static_cast<std::uint32_t>(path.block)));
     const PhaseSample scattered = vertex.phase.sample(vertex.wo, u.lobe, u.bsdf_uv);
     path.from = vertex.point;
     path.pdf = scattered.pdf;
@@ -293,8 +301,8 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
 }
 
 template <class Medium>
-Path::Course Path::visit(const Scene &scene, Tracer &tracer, const Sampler &sampler, const BounceSample<float> &u,
-                         const RayHit &found, Walk<Medium> &walk) const {
+Path::Course Path::visit(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                         const BounceSample<float> &u, const RayHit &found, Walk<Medium> &walk) const {
     PathState<float> &path = walk.path;
     const Hit<float> hit = scene.hit(path.ray, found, path.cone, scene.needs());
     const bool hidden = hide_emitters && path.depth == 1 && hit.emitter >= 0;

@@ -74,8 +74,8 @@ Spectrum to_xyz(Spectrum c) {
 }
 
 // The alpha of what an integrator shows: those that show surfaces instead of light look through nothing.
-float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sampler, const CameraRay<float> &camera,
-            Tracer &tracer) {
+float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sampler,
+            const CameraRay<float> &camera, Tracer &tracer) {
     return match(integrator, [&](const auto &model) {
         if constexpr (requires { model.version; })
             if (!scene.media().empty())
@@ -131,17 +131,19 @@ private:
 // Takes the samples of one tile, pixel by pixel, and adds them to the sums.
 class TileAccumulator {
 public:
-    TileAccumulator(const Scene &scene, const Output &output, std::span<double> sums, Tracer &tracer, Report &report)
+    TileAccumulator(const Scene &scene, const Output &output, std::span<double> sums, Tracer &tracer,
+                    Report &report)
         : scene_(scene), output_(output), recorder_(output), sums_(sums), tracer_(tracer), report_(report) {}
 
-    void add(const SampleId &id, const Sampler &sampler, const CameraRay<float> &camera, const Spectrum &value,
-             float weight) {
+    void add(const SampleId &id, const Sampler &sampler, const CameraRay<float> &camera,
+             const Spectrum &value, float weight) {
         std::span<const float> rest;
         if (!output_.channels.empty()) rest = recorder_.record(scene_, sampler, camera, value, tracer_);
         if (!is_finite(value) || !std::ranges::all_of(rest, [](float v) { return std::isfinite(v); }))
             [[unlikely]] {
             ++report_.nonfinite;
-            if (report_.nonfinite_samples.size() < Report::kept_samples) report_.nonfinite_samples.push_back(id);
+            if (report_.nonfinite_samples.size() < Report::kept_samples)
+                report_.nonfinite_samples.push_back(id);
             return;
         }
         const Film &film = scene_.film();
@@ -167,9 +169,8 @@ public:
     TileSamples(const Film &film, const Tile &tile, const Job &job)
         : left_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x0)),
           right_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x1)), first_(job.first),
-          end_(job.first + job.count),
-          count_(static_cast<std::uint64_t>(tile.x1 - tile.x0) * static_cast<std::uint64_t>(tile.y1 - tile.y0) *
-                 job.count),
+          end_(job.first + job.count), count_(static_cast<std::uint64_t>(tile.x1 - tile.x0) *
+                                              static_cast<std::uint64_t>(tile.y1 - tile.y0) * job.count),
           next_{left_, static_cast<std::uint32_t>(film.crop_offset_y + tile.y0), job.first} {}
 
     std::uint64_t left() const { return count_; }
@@ -213,7 +214,8 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
     std::array<float, Wavefront::capacity> weights;
     while (samples.left() > 0) {
         if (progress.cancelled.load(std::memory_order_relaxed)) return;
-        const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(samples.left(), Wavefront::capacity));
+        const auto count =
+            static_cast<std::size_t>(std::min<std::uint64_t>(samples.left(), Wavefront::capacity));
         std::uint64_t pixels = 0;
         for (std::size_t i = 0; i < count; ++i) {
             ids[i] = samples.take();
@@ -233,8 +235,8 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
 }
 
 // Renders all tiles; their rays go to `recording` where there is one.
-std::vector<Report> render_tiles(const Scene &scene, const Output &output, const Job &job, std::span<double> sums,
-                                 Progress &progress, Recording *recording) {
+std::vector<Report> render_tiles(const Scene &scene, const Output &output, const Job &job,
+                                 std::span<double> sums, Progress &progress, Recording *recording) {
     const auto tiles = tiles_of(scene.film());
     std::vector<Report> reports(tiles.size());
     if (recording) recording->resize(tiles.size());
@@ -247,10 +249,12 @@ std::vector<Report> render_tiles(const Scene &scene, const Output &output, const
     match(output.integrator, [&](const auto &model) {
         if constexpr (std::is_base_of_v<Path, std::decay_t<decltype(model)>>)
             if (!job.one_lane && model.is_vacuum(scene)) {
-                tbb::enumerable_thread_specific<Wavefront> wavefronts([&] { return Wavefront(scene, model); });
+                tbb::enumerable_thread_specific<Wavefront> wavefronts(
+                    [&] { return Wavefront(scene, model); });
                 return for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &) {
                     tile_with(i, [&](TileSamples samples, Tracer &tracer, TileAccumulator &accumulator) {
-                        render_in_lanes(scene, wavefronts.local(), output, samples, job, progress, tracer, accumulator);
+                        render_in_lanes(scene, wavefronts.local(), output, samples, job, progress, tracer,
+                                        accumulator);
                     });
                 });
             }

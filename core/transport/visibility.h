@@ -11,9 +11,11 @@ namespace lajolla {
 inline constexpr int max_null_transmissions = 1024;
 
 // What passes straight through a surface that a path hits, all of it through a light that it shall not see.
-inline NullTransmission<float> null_transmission_at(const Scene &scene, const Hit<float> &hit, const Vec3f &direction, bool hidden) {
+inline NullTransmission<float> null_transmission_at(const Scene &scene, const Hit<float> &hit,
+                                                    const Vec3f &direction, bool hidden) {
     if (hidden) return {Spectrum(1), 1};
-    return scene.has_null_transmission() ? scene.null_transmission(hit, -direction) : NullTransmission<float>{};
+    return scene.has_null_transmission() ? scene.null_transmission(hit, -direction)
+                                         : NullTransmission<float>{};
 }
 
 // From a point towards a sampled light, ending before its surface. `light.target` clears the error of the
@@ -22,7 +24,8 @@ template <class Float>
 Ray<Float> shadow_ray(const Vec3<Float> &origin, Float origin_error, const DirectSample<Float> &light) {
     const auto distant = light.distance == infinity;
     const Float far = min(1 - origin_error / light.distance, Float(one_minus_ulp));
-    return {origin, select(distant, light.wi, light.target - origin), 0, select(distant, Float(infinity), far)};
+    return {origin, select(distant, light.wi, light.target - origin), 0,
+            select(distant, Float(infinity), far)};
 }
 
 // What remains of a sampled light at a vertex; nothing where something opaque is in between. `medium` draws

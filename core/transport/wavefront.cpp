@@ -18,9 +18,11 @@ bool is_wide_model(const Bsdf &bsdf) {
 } // namespace
 
 Wavefront::Wavefront(const Scene &scene, const Path &integrator)
-    : scene_(scene), integrator_(integrator), group_sizes_(scene.parts().materials.size() + 3), samplers_(capacity),
-      paths_(capacity + lanes), next_(capacity + lanes), hits_(capacity + lanes), shapes_(capacity + lanes),
-      instances_(capacity + lanes), shadow_rays_(capacity + lanes), order_(capacity + lanes), group_of_path_(capacity + lanes) {
+    : scene_(scene), integrator_(integrator), group_sizes_(scene.parts().materials.size() + 3),
+      samplers_(capacity), paths_(capacity + lanes), next_(capacity + lanes), hits_(capacity + lanes),
+      shapes_(capacity + lanes), instances_(capacity + lanes),
+      shadow_rays_(Materials::most_lit_leaves * capacity + lanes), order_(capacity + lanes),
+      group_of_path_(capacity + lanes) {
     const auto is_wide = [&](MaterialId root) {
         bool wide = true;
         scene.materials().for_each_bsdf(root, [&](std::int32_t bsdf) {
@@ -34,16 +36,17 @@ Wavefront::Wavefront(const Scene &scene, const Path &integrator)
     const auto transmits = [&](std::int32_t material) {
         if (material < 0) return false;
         const Material &m = scene.materials()[material];
-        return scene.materials().has_null_transmission(m.front) || scene.materials().has_null_transmission(m.back);
+        return scene.materials().has_null_transmission(m.front) ||
+               scene.materials().has_null_transmission(m.back);
     };
     for (const ShapeSlot &slot : scene.parts().slots) transmits_.push_back(transmits(slot.material));
     for (const ShapeSlot &slot : scene.parts().slots)
-        group_of_shape_.push_back(slot.material < 0 || wide[static_cast<std::size_t>(slot.material)] ? slot.material
-                                                                                                   : one_by_one);
+        group_of_shape_.push_back(
+            slot.material < 0 || wide[static_cast<std::size_t>(slot.material)] ? slot.material : one_by_one);
 }
 
-void Wavefront::render(std::span<const SampleId> ids, SequenceKind sequence, std::uint32_t seed, Tracer &tracer,
-                       std::span<Spectrum> radiance, std::span<float> weights) {
+void Wavefront::render(std::span<const SampleId> ids, SequenceKind sequence, std::uint32_t seed,
+                       Tracer &tracer, std::span<Spectrum> radiance, std::span<float> weights) {
     radiance_ = radiance;
     for (std::size_t i = 0; i < ids.size(); ++i) {
         samplers_[i] = Sampler(sequence, seed, ids[i].x, ids[i].y, ids[i].index);
@@ -62,7 +65,7 @@ void Wavefront::render(std::span<const SampleId> ids, SequenceKind sequence, std
     }
 }
 
-// --- lanes in and out ----------------------------------------------------------------------------------------------
+// --- lanes in and out
 
 // Calls f(packet) for all paths of a group; lanes that are off repeat the last one.
 template <class F>
@@ -103,7 +106,8 @@ std::int32_t Wavefront::sample_of(std::int32_t path) const {
 }
 
 RayHits Wavefront::load_hits(const Packet &packet) const {
-    const auto q = load_rows([&](int k) { return &hits_[static_cast<std::size_t>(packet.paths[k])].distance; });
+    const auto q =
+        load_rows([&](int k) { return &hits_[static_cast<std::size_t>(packet.paths[k])].distance; });
     const WideInt index = lajolla::load(packet.paths);
     return {q.x, q.y, q.z, gather(shapes_.data(), index), as_int(q.w), gather(instances_.data(), index)};
 }
@@ -159,17 +163,19 @@ void Wavefront::append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, c
     const unsigned kept = bits(active);
     for (int k = 0; k < lanes; ++k) to[k] = kept >> k & 1 ? &shadow_rays_[shadow_count_++] : &unused;
     store_rows(quad(ray.origin, ray.far), [&](int k) { return row(to[k], 0); });
-    store_rows(quad(ray.direction, as_float(lajolla::load(packet.samples))), [&](int k) { return row(to[k], 1); });
+    store_rows(quad(ray.direction, as_float(lajolla::load(packet.samples))),
+               [&](int k) { return row(to[k], 1); });
     store_rows(quad(Vec3<WideFloat>(value), 0), [&](int k) { return row(to[k], 2); });
 }
 
 void Wavefront::add(const Rgb<WideFloat> &value, const Packet &packet, WideBool active) {
     for_each_lane(active, [&](int k) {
-        radiance_[static_cast<std::size_t>(packet.samples[k])] += Spectrum(value.x[k], value.y[k], value.z[k]);
+        radiance_[static_cast<std::size_t>(packet.samples[k])] +=
+            Spectrum(value.x[k], value.y[k], value.z[k]);
     });
 }
 
-// --- the steps -----------------------------------------------------------------------------------------------------
+// --- the steps
 
 void Wavefront::start(std::span<const SampleId> ids, std::span<float> weights) {
     next_count_ = 0;
@@ -185,8 +191,7 @@ void Wavefront::start(std::span<const SampleId> ids, std::span<float> weights) {
             x[k] = static_cast<float>(id.x), y[k] = static_cast<float>(id.y);
             packet.samples[k] = static_cast<std::int32_t>(i + k);
         }
-        const auto film =
-            sample_film(scene_, Sampler::cameras(sampler), lajolla::load(x), lajolla::load(y));
+        const auto film = sample_film(scene_, Sampler::cameras(sampler), lajolla::load(x), lajolla::load(y));
         const std::size_t count = std::min(ids.size() - i, static_cast<std::size_t>(lanes));
         append(Path::start(film.camera), packet, first_lanes(static_cast<int>(count)));
         store(weight, film.weight);
@@ -203,7 +208,8 @@ void Wavefront::trace(Tracer &tracer) {
         };
         const auto origin = rows(0), direction = rows(1), range = rows(4);
         const WideBool active = first_lanes(static_cast<int>(std::min<std::size_t>(count_ - i, lanes)));
-        const RayHits hits = tracer.closest({vector_of(origin), vector_of(direction), range.x, range.y}, active);
+        const RayHits hits =
+            tracer.closest({vector_of(origin), vector_of(direction), range.x, range.y}, active);
         store_rows({hits.distance, hits.b1, hits.b2, as_float(hits.primitive)},
                    [&](int k) { return &hits_[i + static_cast<std::size_t>(k)].distance; });
         store(&shapes_[i], hits.shape);
@@ -230,9 +236,11 @@ void Wavefront::sort() {
     std::uint32_t first = 0;
     for (Group &group : groups_) {
         group.first = first;
-        first += group.count = std::exchange(size_of(group.material), first); // from now on where the next one goes
+        first += group.count =
+            std::exchange(size_of(group.material), first); // from now on where the next one goes
     }
-    for (std::size_t i = 0; i < count_; ++i) order_[size_of(group_of_path_[i])++] = static_cast<std::int32_t>(i);
+    for (std::size_t i = 0; i < count_; ++i)
+        order_[size_of(group_of_path_[i])++] = static_cast<std::int32_t>(i);
     for (const Group &group : groups_) size_of(group.material) = 0;
 }
 
@@ -265,18 +273,22 @@ void Wavefront::trace_shadow_rays(Tracer &tracer) {
             return load_rows([&](int k) { return row(&shadow_rays_[i + static_cast<std::size_t>(k)], r); });
         };
         const auto origin = rows(0), direction = rows(1);
-        const WideBool active = first_lanes(static_cast<int>(std::min<std::size_t>(shadow_count_ - i, lanes)));
-        const WideBool occluded = tracer.occluded({vector_of(origin), vector_of(direction), 0, origin.w}, active);
+        const WideBool active =
+            first_lanes(static_cast<int>(std::min<std::size_t>(shadow_count_ - i, lanes)));
+        const WideBool occluded =
+            tracer.occluded({vector_of(origin), vector_of(direction), 0, origin.w}, active);
         for_each_lane(active && !occluded, [&](int k) {
             const StoredShadowRay &ray = shadow_rays_[i + static_cast<std::size_t>(k)];
-            radiance_[static_cast<std::size_t>(ray.sample)] += Spectrum(ray.value[0], ray.value[1], ray.value[2]);
+            radiance_[static_cast<std::size_t>(ray.sample)] +=
+                Spectrum(ray.value[0], ray.value[1], ray.value[2]);
         });
     }
 }
 
-// --- groups --------------------------------------------------------------------------------------------------------
+// --- groups
 
-// Calls f(paths of the lanes, their samples, active lanes) for all paths of a group; lanes that are off repeat the last.
+// Calls f(paths of the lanes, their samples, active lanes) for all paths of a group; lanes that are off
+// repeat the last.
 void Wavefront::gather_environment(std::span<const std::int32_t> paths) {
     if (!scene_.lights().has_environment()) return;
     for_each_packet(paths, [&](const Packet &packet) {
@@ -302,31 +314,36 @@ void Wavefront::follow_one_by_one(std::span<const std::int32_t> paths, Tracer &t
                            static_cast<std::uint32_t>(instances_[i])};
         const Path::Course course = integrator_.visit(scene_, tracer, sampler, u, found, walk);
         radiance_[sample] = walk.radiance;
-        if (course != Path::Course::ended) next_[next_count_++] = stored(walk.path, static_cast<std::int32_t>(sample));
+        if (course != Path::Course::ended)
+            next_[next_count_++] = stored(walk.path, static_cast<std::int32_t>(sample));
     }
 }
 
 void Wavefront::gather_emission(std::span<const std::int32_t> paths) {
     for_each_packet(paths, [&](const Packet &packet) {
         const auto path = load(packet);
-        add_emission(path, scene_.hit(path.ray, load_hits(packet), packet.active, path.cone, scene_.needs()), packet);
+        add_emission(path, scene_.hit(path.ray, load_hits(packet), packet.active, path.cone, scene_.needs()),
+                     packet);
     });
 }
 
-void Wavefront::add_emission(const PathState<WideFloat> &path, const Hit<WideFloat> &hit, const Packet &packet) {
+void Wavefront::add_emission(const PathState<WideFloat> &path, const Hit<WideFloat> &hit,
+                             const Packet &packet) {
     const WideBool shines = packet.active && hit.emitter >= 0;
     if (any(shines)) add(path.throughput * integrator_.emitted(scene_, path, hit), packet, shines);
 }
 
 BounceSample<WideFloat> Wavefront::numbers(const Packet &packet, const PathState<WideFloat> &path) const {
     return Sampler::bounces(
-        [&](int k) -> const Sampler & { return samplers_[static_cast<std::size_t>(packet.samples[k])]; }, path.block);
+        [&](int k) -> const Sampler & { return samplers_[static_cast<std::size_t>(packet.samples[k])]; },
+        path.block);
 }
 
-// Light that the lanes' samples send to their surfaces: along shadow rays, which are traced later; or at once, where
-// surfaces may let some of it pass, and then one ray after the other that meets such a surface.
+// Light that the lanes' samples send to their surfaces: along shadow rays, which are traced later; or at
+// once, where surfaces may let some of it pass, and then one ray after the other that meets such a surface.
 void Wavefront::add_direct_light(const Vertex &vertex, const DirectSample<WideFloat> &light,
-                                 const BsdfEval<WideFloat> &bsdf, WideFloat share, WideBool lit, Tracer &tracer) {
+                                 const BsdfEval<WideFloat> &bsdf, WideFloat share, WideBool lit,
+                                 Tracer &tracer) {
     const Hit<WideFloat> &hit = vertex.hit;
     const Rgb<WideFloat> throughput = vertex.path.throughput * share;
     const Rgb<WideFloat> value = throughput * integrator_.direct(light, bsdf, WideFloat(1));
@@ -348,15 +365,17 @@ void Wavefront::add_direct_light(const Vertex &vertex, const DirectSample<WideFl
 }
 
 template <class Model>
-[[gnu::noinline]] void Wavefront::scatter_at(const Vertex &vertex, const Model &model, const BsdfTraits &traits,
-                                             const MappedNormal<WideFloat> &normal, WideBool turned, WideBool active,
-                                             WideFloat share, Task task, Tracer &tracer) {
+[[gnu::noinline]] void Wavefront::scatter_at(const Vertex &vertex, const Model &model,
+                                             const BsdfTraits &traits, const MappedNormal<WideFloat> &normal,
+                                             WideBool turned, WideBool active, WideFloat share, Task task,
+                                             Tracer &tracer) {
     const auto &[packet, incoming, hit, wo, u] = vertex;
     const auto [black, frame, bent] = shading_frame(traits, hit, wo, normal, turned);
     active = active && !black;
     if (!any(active)) return;
     Surface<WideFloat, LobeOf<Model, WideFloat>> surface{
-        black, traits.delta, 1, frame, frame.to_local(wo), prepare_lobe<WideFloat>(model, scene_.filtered_reader(hit, wo)),
+        black, traits.delta,       1,
+        frame, frame.to_local(wo), prepare_lobe<WideFloat>(model, scene_.filtered_reader(hit, wo)),
         bent};
     surface.sharp = surface.sharp || WideFloat(surface.lobe.roughness()) < scene_.sharpest();
     if constexpr (requires { surface.lobe.null_transmission(wo); })
@@ -364,7 +383,8 @@ template <class Model>
 
     const WideBool lightable = active && !surface.sharp;
     if (task != Task::sample_direction && !scene_.lights().empty() && any(lightable)) {
-        const DirectSample<WideFloat> light = scene_.lights().sample_direct(hit.position, u.light, u.light_uv);
+        const DirectSample<WideFloat> light =
+            scene_.lights().sample_direct(hit.position, u.light, u.light_uv);
         const BsdfEval<WideFloat> f = surface.eval(light.wi);
         const WideBool lit = lightable && integrator_.counts(light) && !is_black(f.f_cos);
         if (any(lit)) add_direct_light(vertex, light, f, share, lit, tracer);
@@ -409,8 +429,8 @@ template <class Model>
         if (sides == Sides::back_only) active = active && turned;
         if (!any(active)) return;
         const Vec3<WideFloat> normal = select(turned, -hit.shading_normal, hit.shading_normal);
-        scatter_at({packet, path, hit, wo, numbers(packet, path)}, model, traits, {normal, hit.dp_du, turned}, turned,
-                   active, 1, Task::both, tracer);
+        scatter_at({packet, path, hit, wo, numbers(packet, path)}, model, traits, {normal, hit.dp_du, turned},
+                   turned, active, 1, Task::both, tracer);
     });
 }
 
@@ -428,8 +448,8 @@ void Wavefront::scatter_tree(const Material &material, std::span<const std::int3
         const WideBool behind = !(dot(hit.normal, wo) >= 0.0f) && WideBool(!(material.back == MaterialId{}));
         const auto scatter_side = [&](MaterialId root, WideBool turned, WideBool active) {
             if (!any(active)) return;
-            const MappedNormal<WideFloat> normal{select(turned, -hit.shading_normal, hit.shading_normal), hit.dp_du,
-                                                 turned};
+            const MappedNormal<WideFloat> normal{select(turned, -hit.shading_normal, hit.shading_normal),
+                                                 hit.dp_du, turned};
             WideFloat u = path.flight;
             if (materials.has_null_transmission(root)) {
                 const auto through = materials.null_transmission(root, read, hit, wo, normal);
@@ -446,8 +466,9 @@ void Wavefront::scatter_tree(const Material &material, std::span<const std::int3
             if (each_leaf)
                 materials.for_each_leaf(root, read, hit, wo, normal, WideFloat(1),
                                         [&](std::int32_t bsdf, const auto &leaf_normal, WideFloat share) {
-                                            scatter_at(vertex, bsdf, leaf_normal, turned, active && share != 0.0f,
-                                                       share, Task::sample_light, tracer);
+                                            scatter_at(vertex, bsdf, leaf_normal, turned,
+                                                       active && share != 0.0f, share, Task::sample_light,
+                                                       tracer);
                                         });
             materials.choose(root, read, hit, wo, u, normal, active,
                              [&](std::int32_t bsdf, const auto &leaf_normal, WideBool chosen) {

@@ -1,10 +1,12 @@
 #pragma once
-// Many paths at a time (Laine et al. 2013, "Megakernels Considered Harmful: Wavefront Path Tracing on GPUs"): what
-// transport/path.h does to one path, done to the same vertex of hundreds. A step traces all rays in packets, sorts what
-// they hit by material, and lets the lanes of the processor's vectors scatter paths that share one, so that a lobe is of
-// one model with one set of parameters. Shadow rays are collected and traced in packets too.
+// Many paths at a time (Laine et al. 2013, "Megakernels Considered Harmful: Wavefront Path Tracing on GPUs"):
+// what transport/path.h does to one path, done to the same vertex of hundreds. A step traces all rays in
+// packets, sorts what they hit by material, and lets the lanes of the processor's vectors scatter paths that
+// share one, so that a lobe is of one model with one set of parameters. Shadow rays are collected and traced
+// in packets too.
 //
-// A path's numbers depend on nothing but itself, so that the result is that of following it alone, bit for bit.
+// A path's numbers depend on nothing but itself, so that the result is that of following it alone, bit for
+// bit.
 
 #include <memory>
 #include <span>
@@ -60,21 +62,22 @@ private:
     // Which of the hits a BSDF scatters: all of them, or those that are seen from one side.
     enum class Sides { front, both, front_only, back_only };
     template <class Model>
-    void scatter(const Model &model, const BsdfTraits &traits, Sides sides, std::span<const std::int32_t> paths,
-                 Tracer &tracer);
+    void scatter(const Model &model, const BsdfTraits &traits, Sides sides,
+                 std::span<const std::int32_t> paths, Tracer &tracer);
     // The same of a material that is a tree: blends, masks and maps around BSDFs.
     void scatter_tree(const Material &material, std::span<const std::int32_t> paths, Tracer &tracer);
 
     struct Packet;
     struct Vertex;
-    // What is done with a BSDF at a vertex: lights are sampled, or the direction in which the path goes on, or both.
+    // What is done with a BSDF at a vertex: lights are sampled, or the direction in which the path goes on,
+    // or both.
     enum class Task { sample_light, sample_direction, both };
     template <class Model>
     void scatter_at(const Vertex &vertex, const Model &model, const BsdfTraits &traits,
-                    const MappedNormal<WideFloat> &normal, WideBool turned, WideBool active, WideFloat share, Task task,
-                    Tracer &tracer);
-    void scatter_at(const Vertex &vertex, std::int32_t bsdf, const MappedNormal<WideFloat> &normal, WideBool turned,
-                    WideBool active, WideFloat share, Task task, Tracer &tracer);
+                    const MappedNormal<WideFloat> &normal, WideBool turned, WideBool active, WideFloat share,
+                    Task task, Tracer &tracer);
+    void scatter_at(const Vertex &vertex, std::int32_t bsdf, const MappedNormal<WideFloat> &normal,
+                    WideBool turned, WideBool active, WideFloat share, Task task, Tracer &tracer);
 
     // The paths that lanes work on, and the samples that they belong to.
     struct Packet {
@@ -95,7 +98,8 @@ private:
     RayHits load_hits(const Packet &packet) const;
     std::int32_t sample_of(std::int32_t path) const;
     void append(const PathState<WideFloat> &path, const Packet &packet, WideBool active);
-    void append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, const Packet &packet, WideBool active);
+    void append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, const Packet &packet,
+                WideBool active);
     void add(const Rgb<WideFloat> &value, const Packet &packet, WideBool active);
     static PathState<float> one(const StoredPath &stored);
     static StoredPath stored(const PathState<float> &path, std::int32_t sample);

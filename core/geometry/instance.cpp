@@ -1,0 +1,50 @@
+#include "geometry/instance.h"
+
+#include <stdexcept>
+
+namespace lajolla {
+
+void Instance::build() {
+    const auto inverted = inverse(to_world);
+    if (!inverted) throw std::invalid_argument("to_world is singular: it flattens the group");
+    to_group = *inverted;
+    for (const Transform &t : {to_world, to_group})
+        for (std::size_t axis = 0; axis < 4; ++axis)
+            if (!(max_component(abs(t.axis(axis))) < largest_entry))
+                throw std::invalid_argument("to_world is too large or too small for a group");
+}
+
+Bounds Instance::placed(const Bounds &group_bounds) const {
+    Bounds box;
+    if (group_bounds.empty()) return box;
+    for (unsigned corner = 0; corner < 8; ++corner)
+        box.extend(to_world.point({(corner & 1 ? group_bounds.high : group_bounds.low).x,
+                                   (corner & 2 ? group_bounds.high : group_bounds.low).y,
+                                   (corner & 4 ? group_bounds.high : group_bounds.low).z}));
+    return box;
+}
+
+void Instance::place(Hit<float> &hit) const {
+    const Vec3f scaled_normal = to_group.transposed_vector(hit.normal);
+    const float stretch =
+        length(scaled_normal); // of distances to the tangent plane, from the scene to the group
+    const Frame<float> tangents = frame_around(hit.normal);
+    const Vec3f position = to_world.point(hit.position);
+
+    // Errors made in the group, by the ray's way there and by the way back, along the normal.
+    const float error_in_group = hit.position_error + position_error(largest_term(to_group, position));
+    hit.position_error = error_in_group / stretch + position_error(largest_term(to_world, hit.position));
+    hit.position = position;
+    hit.normal = scaled_normal / stretch;
+    hit.shading_normal = normalize(to_group.transposed_vector(hit.shading_normal));
+    hit.dp_du = to_world.vector(hit.dp_du);
+    hit.dp_dv = to_world.vector(hit.dp_dv);
+
+    // Half the trace of the second fundamental form in the metric of the stretched tangents. The form itself
+    // is taken to be alike in all directions, as on spheres; only its trace is known here.
+    const Vec3f s = to_world.vector(tangents.s), t = to_world.vector(tangents.t);
+    hit.mean_curvature *=
+        (length_squared(s) + length_squared(t)) / (2 * stretch * length_squared(cross(s, t)));
+}
+
+} // namespace lajolla

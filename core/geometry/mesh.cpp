@@ -1,0 +1,179 @@
+#include "geometry/mesh.h"
+
+#include <algorithm>
+#include <cstring>
+#include <stdexcept>
+#include <unordered_map>
+
+namespace lajolla {
+
+namespace {
+
+// Faces that share a position share its normals, whatever their vertices' other attributes.
+struct PositionHash {
+    std::size_t operator()(Vec3f p) const {
+        std::size_t hash = 0;
+        for (const float x : {p.x, p.y, p.z}) {
+            const float canonical = x == 0 ? 0 : x; // -0 equals 0
+            std::uint32_t bits;
+            std::memcpy(&bits, &canonical, sizeof bits);
+            hash = (hash ^ bits) * 0x9e3779b97f4a7c15ull;
+            hash ^= hash >> 29;
+        }
+        return hash;
+    }
+};
+
+struct Corner {
+    std::uint32_t face;
+    float angle;
+};
+
+Vec3f unit_or_zero(Vec3f v) {
+    const float l = length(v);
+    return l > 0 && std::isfinite(l) ? v / l : Vec3f(0);
+}
+
+float angle_between(Vec3f a, Vec3f b) { return std::atan2(length(cross(a, b)), dot(a, b)); }
+
+// The attributes of the vertices, and of the faces, that became those of `target`; no faces: all stayed.
+void copy_attributes(const Mesh &mesh, const std::vector<std::uint32_t> &vertices,
+                     const std::vector<std::uint32_t> &faces, Mesh &target) {
+    for (const auto &[name, attribute] : mesh.attributes) {
+        const auto &chosen = attribute.per_face ? faces : vertices;
+        Mesh::Attribute copy{attribute.channels, attribute.per_face, {}};
+        if (attribute.per_face && faces.empty()) copy.values = attribute.values;
+        else
+            for (const std::uint32_t old : chosen) {
+                const auto first =
+                    attribute.values.begin() + static_cast<std::ptrdiff_t>(old * attribute.channels);
+                copy.values.insert(copy.values.end(), first, first + attribute.channels);
+            }
+        target.attributes.emplace(name, std::move(copy));
+    }
+}
+
+} // namespace
+
+std::size_t Mesh::bytes() const {
+    std::size_t sum = (positions.size() + normals.size()) * sizeof(Vec3f) + uvs.size() * sizeof(Vec2f) +
+                      triangles.size() * sizeof(Triangle);
+    for (const auto &[name, attribute] : attributes) sum += attribute.values.size() * sizeof(float);
+    return sum;
+}
+
+void validate(const Mesh &mesh) {
+    const std::size_t count = mesh.positions.size();
+    if (!mesh.normals.empty() && mesh.normals.size() != count)
+        throw std::invalid_argument("a mesh needs one normal per vertex, or none");
+    if (!mesh.uvs.empty() && mesh.uvs.size() != count)
+        throw std::invalid_argument("a mesh needs one uv per vertex, or none");
+    for (std::size_t i = 0; i < count; ++i)
+        if (!std::isfinite(dot(mesh.positions[i], Vec3f(1))))
+            throw std::invalid_argument("vertex " + std::to_string(i) + " is not finite");
+    for (const Triangle &triangle : mesh.triangles)
+        for (const std::uint32_t index : triangle)
+            if (index >= count)
+                throw std::invalid_argument("vertex index " + std::to_string(index) +
+                                            " is beyond the mesh's " + std::to_string(count) + " vertices");
+    for (const auto &[name, attribute] : mesh.attributes) {
+        const std::size_t elements = attribute.per_face ? mesh.triangles.size() : count;
+        if (attribute.values.size() != elements * attribute.channels)
+            throw std::invalid_argument("attribute '" + name + "' has the wrong length");
+    }
+}
+
+Mesh transformed(const Mesh &mesh, const Transform &to_world) {
+    const auto to_object = inverse(to_world);
+    if (!to_object) throw std::invalid_argument("to_world is singular: it flattens the shape");
+    Mesh result = mesh;
+    for (Vec3f &p : result.positions) p = to_world.point(p);
+    for (Vec3f &n : result.normals) n = unit_or_zero(to_object->transposed_vector(n));
+    return result;
+}
+
+Mesh with_vertex_normals(const Mesh &mesh, const Transform &to_world) {
+    Mesh result = mesh;
+    result.normals.assign(mesh.positions.size(), Vec3f(0));
+    for (const Triangle &triangle : mesh.triangles) {
+        const auto corner = [&](std::size_t k) { return to_world.point(mesh.positions[triangle[k % 3]]); };
+        const Vec3f normal = unit_or_zero(cross(corner(1) - corner(0), corner(2) - corner(0)));
+        for (std::size_t k = 0; k < 3; ++k)
+            result.normals[triangle[k]] +=
+                normal * angle_between(corner(k + 1) - corner(k), corner(k + 2) - corner(k));
+    }
+    for (Vec3f &n : result.normals) n = unit_or_zero(to_world.transposed_vector(unit_or_zero(n)));
+    return result;
+}
+
+Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count) {
+    constexpr std::uint32_t unused = ~0u;
+    Mesh part;
+    std::vector<std::uint32_t> source, target(mesh.positions.size(), unused), faces(count);
+    for (std::size_t f = 0; f < count; ++f) {
+        faces[f] = static_cast<std::uint32_t>(first_triangle + f);
+        Triangle triangle = mesh.triangles[faces[f]];
+        for (std::uint32_t &index : triangle) {
+            if (target[index] == unused) {
+                target[index] = static_cast<std::uint32_t>(source.size());
+                source.push_back(index);
+            }
+            index = target[index];
+        }
+        part.triangles.push_back(triangle);
+    }
+    for (const std::uint32_t old : source) {
+        part.positions.push_back(mesh.positions[old]);
+        if (!mesh.normals.empty()) part.normals.push_back(mesh.normals[old]);
+        if (!mesh.uvs.empty()) part.uvs.push_back(mesh.uvs[old]);
+    }
+    copy_attributes(mesh, source, faces, part);
+    return part;
+}
+
+Mesh with_smooth_normals(const Mesh &mesh, float max_angle) {
+    const std::size_t face_count = mesh.triangles.size();
+    std::vector<Vec3f> face_normals(face_count);
+    std::unordered_map<Vec3f, std::vector<Corner>, PositionHash> corners_at;
+    for (std::uint32_t f = 0; f < face_count; ++f) {
+        const auto corner = [&](std::size_t k) { return mesh.positions[mesh.triangles[f][k % 3]]; };
+        face_normals[f] = unit_or_zero(cross(corner(1) - corner(0), corner(2) - corner(0)));
+        for (std::size_t k = 0; k < 3; ++k)
+            corners_at[corner(k)].push_back(
+                {f, angle_between(corner(k + 1) - corner(k), corner(k + 2) - corner(k))});
+    }
+
+    Mesh result;
+    result.triangles = mesh.triangles;
+    std::vector<std::uint32_t> source; // the original vertex of each new one
+    std::vector<std::vector<std::uint32_t>> made(mesh.positions.size()); // new vertices of each original one
+    const float cos_max = std::cos(max_angle);
+    for (std::uint32_t f = 0; f < face_count; ++f)
+        for (std::uint32_t &index : result.triangles[f]) {
+            const std::uint32_t old = index;
+            Vec3f sum(0);
+            for (const Corner &c : corners_at.at(mesh.positions[old]))
+                if (dot(face_normals[c.face], face_normals[f]) >= cos_max)
+                    sum += face_normals[c.face] * c.angle;
+            const Vec3f smooth = unit_or_zero(sum);
+            const Vec3f normal = length_squared(smooth) > 0 ? smooth : face_normals[f];
+            auto &candidates = made[old];
+            const auto same = std::find_if(candidates.begin(), candidates.end(),
+                                           [&](std::uint32_t v) { return result.normals[v] == normal; });
+            if (same != candidates.end()) {
+                index = *same;
+                continue;
+            }
+            index = static_cast<std::uint32_t>(source.size());
+            candidates.push_back(index);
+            source.push_back(old);
+            result.positions.push_back(mesh.positions[old]);
+            result.normals.push_back(normal);
+            if (!mesh.uvs.empty()) result.uvs.push_back(mesh.uvs[old]);
+        }
+
+    copy_attributes(mesh, source, {}, result);
+    return result;
+}
+
+} // namespace lajolla

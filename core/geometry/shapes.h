@@ -1,0 +1,183 @@
+#pragma once
+// The list of shapes. A shape answers four questions: what encloses it (bounds), what is known at a hit
+// (fill), how points on it are sampled (sample, with its area), and, where it is not made of triangles, at
+// which distance a ray meets it (intersect; infinity where it does not). All work in world space after
+// build().
+
+#include <memory>
+#include <optional>
+#include <tuple>
+#include <variant>
+
+#include "base/distribution.h"
+#include "base/fields.h"
+#include "base/match.h"
+#include "base/warp.h"
+#include "geometry/curves.h"
+#include "geometry/hit.h"
+#include "geometry/mesh.h"
+#include "geometry/sdfgrid.h"
+#include "geometry/shape_sample.h"
+#include "geometry/triangle.h"
+
+namespace lajolla {
+
+struct TriangleMesh {
+    static constexpr const char *name = "mesh";
+    static constexpr const char *doc = "Triangles from arrays or from a file.";
+    std::shared_ptr<const Mesh> mesh;
+    Transform to_world;
+    bool face_normals = false, flip_normals = false;
+    // What sampling needs to know of each triangle, where the mesh is a light.
+    struct LightTriangle {
+        Vec3f corner, edge1, edge2, normal;
+        float position_error;
+    };
+    std::vector<LightTriangle> light_triangles;
+    Distribution areas;
+    Bounds box;
+    float mean_edge = 0; // length
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("mesh", &TriangleMesh::mesh, "vertices and triangles"),
+            field("to_world", &TriangleMesh::to_world, "placement in the scene"),
+            field("face_normals", &TriangleMesh::face_normals, "flat faces: ignore vertex normals"),
+            field("flip_normals", &TriangleMesh::flip_normals, "turn the inside out"));
+    }
+    void build();
+    void prepare_sampling();
+    Bounds bounds() const { return box; }
+    float area() const { return areas.sum(); }
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
+    SurfaceSample sample(float u_triangle, Vec2f u) const;
+    bool has_normals() const { return !face_normals && !mesh->normals.empty(); }
+};
+
+struct Sphere {
+    static constexpr const char *name = "sphere";
+    static constexpr const char *doc = "A true sphere; to_world must scale alike in all directions.";
+    Vec3f center{0};
+    float radius = 1;
+    Transform to_world;
+    bool flip_normals = false;
+    Frame<float> axes; // world directions of the texture's axes
+
+    static constexpr auto fields() {
+        return std::tuple(field("center", &Sphere::center, "before to_world"),
+                          field("radius", &Sphere::radius, "before to_world").range(0),
+                          field("to_world", &Sphere::to_world, "placement in the scene"),
+                          field("flip_normals", &Sphere::flip_normals, "turn the inside out"));
+    }
+    void build();
+    void prepare_sampling() {}
+    Bounds bounds() const { return {center - Vec3f(radius), center + Vec3f(radius)}; }
+    float area() const { return 4 * pi * radius * radius; }
+    template <class Float>
+    Float intersect(const Ray<Float> &ray) const;
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
+    SurfaceSample sample(float, Vec2f u) const { return at(sample_sphere(u)); }
+    // The point in a direction from the centre.
+    SurfaceSample at(const Vec3f &direction) const;
+
+private:
+    float error() const { return position_error(max_component(abs(center)) + radius); }
+};
+
+template <class Float>
+Float Sphere::intersect(const Ray<Float> &ray) const {
+    // The discriminant from the distance between centre and ray, which does not cancel for distant or large
+    // spheres (Haines et al. 2019, "Precision Improvements for Ray/Sphere Intersection").
+    const Vec3<Float> f = ray.origin - Vec3<Float>(center);
+    const Float a = length_squared(ray.direction), b = -dot(f, ray.direction);
+    const Vec3<Float> closest = f + ray.direction * (b / a);
+    const Float discriminant = radius * radius - length_squared(closest);
+    const auto meets = discriminant >= 0.0f;
+    if (!any(meets)) return infinity;
+    const Float distance = length(f), c = (distance - radius) * (distance + radius);
+    const Float q = b + copysign(sqrt(a * discriminant), b), t0 = min(c / q, q / a), t1 = max(c / q, q / a);
+    const auto within = [&](Float t) { return meets && t > ray.near && t < ray.far; };
+    return select(within(t0), t0, select(within(t1), t1, Float(infinity)));
+}
+
+struct Rectangle {
+    static constexpr const char *name = "rectangle";
+    static constexpr const char *doc =
+        "The square from (-1, -1, 0) to (1, 1, 0), facing +z, before to_world.";
+    Transform to_world;
+    bool flip_normals = false;
+    Vec3f normal;
+
+    static constexpr auto fields() {
+        return std::tuple(field("to_world", &Rectangle::to_world, "placement in the scene"),
+                          field("flip_normals", &Rectangle::flip_normals, "turn it around"));
+    }
+    void build();
+    void prepare_sampling() {}
+    Bounds bounds() const;
+    float area() const { return 4 * length(cross(to_world.axis(0), to_world.axis(1))); }
+    std::array<Vec3f, 4> corners() const;
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
+    SurfaceSample sample(float, Vec2f u) const;
+
+private:
+    float error() const;
+};
+
+struct Disk {
+    static constexpr const char *name = "disk";
+    static constexpr const char *doc = "The unit disk around the origin, facing +z, before to_world.";
+    Transform to_world;
+    bool flip_normals = false;
+    Transform to_object;
+    Vec3f normal;
+
+    static constexpr auto fields() {
+        return std::tuple(field("to_world", &Disk::to_world, "placement in the scene"),
+                          field("flip_normals", &Disk::flip_normals, "turn it around"));
+    }
+    void build();
+    void prepare_sampling() {}
+    Bounds bounds() const;
+    float area() const { return pi * length(cross(to_world.axis(0), to_world.axis(1))); }
+    float intersect(const Ray<float> &ray) const;
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
+    SurfaceSample sample(float, Vec2f u) const;
+
+private:
+    float error() const;
+};
+
+struct Cylinder {
+    static constexpr const char *name = "cylinder";
+    static constexpr const char *doc =
+        "An open tube around the axis from p0 to p1; to_world must scale alike in all directions.";
+    Vec3f p0{0, 0, 0}, p1{0, 0, 1};
+    float radius = 1;
+    Transform to_world;
+    bool flip_normals = false;
+    Frame<float> axes; // n along the axis
+    float height = 1;
+
+    static constexpr auto fields() {
+        return std::tuple(field("p0", &Cylinder::p0, "one end of the axis, before to_world"),
+                          field("p1", &Cylinder::p1, "other end of the axis, before to_world"),
+                          field("radius", &Cylinder::radius, "before to_world").range(0),
+                          field("to_world", &Cylinder::to_world, "placement in the scene"),
+                          field("flip_normals", &Cylinder::flip_normals, "normals point inwards"));
+    }
+    void build();
+    void prepare_sampling() {}
+    Bounds bounds() const;
+    float area() const { return 2 * pi * radius * height; }
+    float intersect(const Ray<float> &ray) const;
+    void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
+    SurfaceSample sample(float, Vec2f u) const;
+
+private:
+    SurfaceSample at(Vec2f around, float z) const; // a unit vector across the axis, z in [0, height]
+};
+
+using Shape = std::variant<TriangleMesh, Sphere, Rectangle, Disk, Cylinder, Curves, SdfGrid>;
+
+} // namespace lajolla

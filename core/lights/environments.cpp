@@ -1,0 +1,54 @@
+#include "lights/environments.h"
+
+#include <stdexcept>
+
+namespace lajolla {
+
+// The image's first and last rows lie on the poles, as in Mitsuba 3; columns are centred in their share of
+// the turn.
+
+void EnvironmentMap::build() {
+    if (!image || image->width == 0 || image->height == 0)
+        throw std::invalid_argument("an envmap needs an image");
+    const auto inverted = inverse(to_world);
+    if (!inverted || !uniform_scale(to_world))
+        throw std::invalid_argument(
+            "to_world of an envmap must be a rotation, without shear or uneven scaling");
+    to_local_ = *inverted;
+    half_texel_ = 0.5f / static_cast<float>(image->width);
+    // A cell has texel centres at its corners: its bilinear values vanish only where its weight does.
+    const std::uint32_t width = image->width, rows = std::max(image->height, 2u) - 1;
+    std::vector<float> weights(static_cast<std::size_t>(width) * rows);
+    double sum = 0;
+    for (std::uint32_t y = 0; y < rows; ++y) {
+        const float low = pi * static_cast<float>(y) / static_cast<float>(rows);
+        const float high = pi * static_cast<float>(y + 1) / static_cast<float>(rows);
+        const float band = std::cos(low) - std::cos(high); // solid angle of the row over 2 pi
+        const std::uint32_t below = std::min(y + 1, image->height - 1);
+        for (std::uint32_t x = 0; x < width; ++x) {
+            const std::uint32_t right = (x + 1) % width;
+            const Spectrum corners = image->texel(x, y) + image->texel(right, y) + image->texel(x, below) +
+                                     image->texel(right, below);
+            const float weight = std::max(luminance(corners) / 4, 0.0f) * band;
+            weights[static_cast<std::size_t>(y) * width + x] = weight;
+            sum += weight;
+        }
+    }
+    mean_radiance_ = static_cast<float>(sum / (2.0 * width));
+    distribution_ = Distribution2D(weights, width, rows);
+}
+
+float EnvironmentMap::power(std::span<const TextureModel>, const BoundingSphere &scene) const {
+    return 4 * pi * pi * sqr(scene.radius) * scale * mean_radiance_;
+}
+
+void DistantDisk::build() {
+    if (!(length(direction) > 0)) throw std::invalid_argument("direction of a distant disk has no length");
+    direction = normalize(direction);
+    axes_ = frame_around(-direction);
+    const float half = angle * (pi / 180) / 2;
+    height_ = 2 * sqr(sin(half / 2));
+    radiance_ = irradiance / (pi * sqr(sin(half))); // the integral of the cosine over the disk
+}
+
+} // namespace lajolla

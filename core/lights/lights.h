@@ -1,0 +1,113 @@
+#pragma once
+// The list of lights. Everything is measured in solid angle: a light is sampled towards a point, and answers
+// with which density it would have sampled a direction; no integrator asks what kind of light it is.
+
+#include <span>
+#include <variant>
+#include <vector>
+
+#include "base/distribution.h"
+#include "base/match.h"
+#include "geometry/hit.h"
+#include "lights/area_light.h"
+#include "lights/direct_sample.h"
+#include "lights/environments.h"
+#include "lights/point_lights.h"
+
+namespace lajolla {
+
+using Light = std::variant<AreaLight, ConstantLight, EnvironmentMap, DistantDisk, PointLight,
+                           DirectionalLight, SpotLight, Projector>;
+
+// Lights that have no area and no extent in solid angle.
+template <class T>
+concept IsDeltaLight = std::is_same_v<T, PointLight> || std::is_same_v<T, DirectionalLight> ||
+                       std::is_same_v<T, SpotLight> || std::is_same_v<T, Projector>;
+
+// How a light is sampled for several lanes, which may have picked different ones.
+enum class LightKind : std::int32_t {
+    triangles, // of the same radiance all over, as the next two
+    parallelogram,
+    sphere,
+    around,   // the scene
+    textured, // these go through the light itself, lane by lane: shapes whose radiance is read from a texture
+    other,    // shapes that are neither, and lights that no ray can hit
+};
+
+// What lanes read of a light, in one line of the cache.
+template <class Float>
+struct alignas(64) LightRecord {
+    Rgb<Float> radiance;                // of shapes without a texture
+    IntOf<Float> kind;                  // a LightKind
+    Vec3<Float> center;                 // of a sphere
+    Float radius = 0;                   // the same
+    Float position_error = 0, side = 1; // the same; side is -1 where it shines inwards
+    Float probability = 0;              // of picking the light
+    Float area_pdf = 0;                 // of a point of its shape, per area, times `probability`
+    Float primitive_count = 1;          // of triangles or a parallelogram
+    IntOf<Float> first_primitive = 0;   // in the list of all lights' primitives
+    IntOf<Float> first_sum = 0;         // of the primitives' areas
+    IntOf<Float> unused = 0;
+
+    BoolOf<Float> is(LightKind k) const { return kind == static_cast<std::int32_t>(k); }
+};
+
+// A triangle or parallelogram that shines, also in one line.
+template <class Float>
+struct alignas(64) LightPrimitive {
+    Vec3<Float> corner;
+    Float position_error;
+    Vec3<Float> edge1;
+    Float unused1 = 0;
+    Vec3<Float> edge2;
+    Float unused2 = 0;
+    Vec3<Float> normal; // on the side that shines
+    Float unused3 = 0;
+};
+
+// All lights of a scene, picked by power and evenly.
+class LightPicker {
+public:
+    LightPicker() = default;
+    LightPicker(std::span<const Light> lights, std::span<const TextureModel> textures,
+                const BoundingSphere &scene);
+
+    // No light has any power: there is nothing to sample.
+    bool empty() const { return !(picks_.sum() > 0); }
+    // Whether rays that leave the scene find a light.
+    bool has_environment() const { return !environments_.empty(); }
+    // Whether some light can be found by sampling it alone.
+    bool has_delta_lights() const { return has_delta_lights_; }
+    // `u_pick` also chooses within a light; densities include the pick.
+    template <class Float>
+    DirectSample<Float> sample_direct(const Vec3<Float> &p, Float u_pick, const Vec2<Float> &u) const;
+    // Density of sampling a hit on a light, or a direction that leaves the scene, from p; 0 for hits on what
+    // is no light.
+    template <class Float>
+    Float pdf_hit(const Vec3<Float> &p, const Hit<Float> &hit, const Vec3<Float> &wi) const;
+    template <class Float>
+    Float pdf_environment(const Vec3<Float> &wi) const;
+    // Radiance that a ray carries from a light it hits, or from around the scene. Lights around the scene
+    // add up.
+    template <class Float>
+    Rgb<Float> emitted(const Hit<Float> &hit, const Vec3<Float> &wo) const;
+    template <class Float>
+    Rgb<Float> environment(const Vec3<Float> &direction) const;
+
+private:
+    void add_record(const AreaLight &light, LightRecord<float> &record);
+    template <class Float>
+    DirectSample<Float> sample_primitive(const LightRecord<Float> &light, const Vec3<Float> &p,
+                                         Float u_primitive, const Vec2<Float> &u) const;
+
+    std::span<const Light> lights_;
+    std::span<const TextureModel> textures_;
+    std::vector<std::uint32_t> environments_;
+    bool has_delta_lights_ = false;
+    Distribution picks_;
+    std::vector<LightRecord<float>> records_; // one for each light
+    std::vector<LightPrimitive<float>> primitives_;
+    CumulativeSums areas_; // of each mesh's triangles; at first, for lights of one primitive, a single 1
+};
+
+} // namespace lajolla

@@ -1,0 +1,219 @@
+#pragma once
+// The material slot of a shape: a tree whose leaves are BSDFs. Its inner nodes, the adapters, choose between
+// materials, cut holes, or turn the normal; none of them is a BSDF, so lobes stay small however deep they
+// nest.
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <variant>
+#include <vector>
+
+#include "base/fields.h"
+#include "base/sampler.h"
+#include "base/texture.h"
+#include "materials/normals.h"
+#include "scatter/bsdfs.h"
+#include "textures/textures.h"
+
+namespace lajolla {
+
+// What a slot or an adapter holds: a BSDF, an adapter, or neither, which is black.
+struct MaterialId {
+    std::int32_t bsdf = -1, adapter = -1;
+    friend constexpr bool operator==(const MaterialId &, const MaterialId &) = default;
+};
+
+// Two-sidedness is a pair of materials. A BSDF that light passes through serves both sides wherever it
+// stands.
+struct Material {
+    MaterialId front;
+    MaterialId back; // seen from behind, as if the surface were turned over
+};
+
+struct Blend {
+    static constexpr const char *name = "blendbsdf";
+    static constexpr const char *doc = "A mixture of two materials.";
+    Texture<float> weight{0.5f};
+    MaterialId first, second;
+
+    static constexpr auto fields() {
+        return std::tuple(field("weight", &Blend::weight, "share of the second material").range(0, 1),
+                          field("first", &Blend::first, "where the weight is 0"),
+                          field("second", &Blend::second, "where the weight is 1"));
+    }
+};
+
+struct Mask {
+    static constexpr const char *name = "mask";
+    static constexpr const char *doc = "A material with holes.";
+    Texture<float> opacity{0.5f};
+    MaterialId child;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("opacity", &Mask::opacity, "fraction of light that the material stops").range(0, 1),
+            field("child", &Mask::child, "the material"));
+    }
+};
+
+struct BumpMap {
+    static constexpr const char *name = "bumpmap";
+    static constexpr const char *doc = "A material whose normals are those of a displaced surface.";
+    Texture<float> map{0};
+    float scale = 1;
+    bool flip_invalid_normals = true, use_shadowing_function = true;
+    MaterialId child;
+
+    static constexpr auto fields() {
+        return std::tuple(field("map", &BumpMap::map, "displacement along the normal, in units of the scene"),
+                          field("scale", &BumpMap::scale, "factor of the displacement"),
+                          field("flip_invalid_normals", &BumpMap::flip_invalid_normals, flip_doc),
+                          field("use_shadowing_function", &BumpMap::use_shadowing_function, shadowing_doc),
+                          field("child", &BumpMap::child, "the material"));
+    }
+    static constexpr const char *flip_doc = "normals that face away from the viewer turn half around";
+    static constexpr const char *shadowing_doc = "light that bumps would block fades out";
+};
+
+struct NormalMap {
+    static constexpr const char *name = "normalmap";
+    static constexpr const char *doc = "A material whose normals come from a texture.";
+    Texture<Spectrum> normalmap{Spectrum(0.5f, 0.5f, 1)};
+    float scale = 1;
+    bool flip_invalid_normals = true, use_shadowing_function = true;
+    MaterialId child;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("normalmap", &NormalMap::normalmap, "(normal + 1) / 2 along dp/du, across, and outwards"),
+            field("scale", &NormalMap::scale, "factor of the parts along the surface"),
+            field("flip_invalid_normals", &NormalMap::flip_invalid_normals, BumpMap::flip_doc),
+            field("use_shadowing_function", &NormalMap::use_shadowing_function, BumpMap::shadowing_doc),
+            field("child", &NormalMap::child, "the material"));
+    }
+};
+
+using Adapter = std::variant<Blend, Mask, BumpMap, NormalMap>;
+
+// Turns the normal as a map does at a hit, seen from `wo`.
+template <class Float>
+void turn(const BumpMap &map, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
+          MappedNormal<Float> &normal);
+template <class Float>
+void turn(const NormalMap &map, const TextureReader<Float> &read, const Hit<Float> &hit,
+          const Vec3<Float> &wo, MappedNormal<Float> &normal);
+
+// The materials of a scene, ready to be asked at hits.
+class Materials {
+public:
+    Materials() = default;
+    // Ids are in range, and adapters hold earlier adapters only; `bsdfs` stay where they are. Throws
+    // std::invalid_argument for trees that are too large.
+    Materials(std::vector<Material> materials, std::vector<Adapter> adapters, std::span<const Bsdf> bsdfs);
+
+    const Material &operator[](std::int32_t id) const { return materials_[static_cast<std::size_t>(id)]; }
+
+    // Whether anything passes straight through any material.
+    bool has_null_transmission() const { return has_null_transmission_; }
+
+    // The light that passes straight through, seen from `wo`. `normal` is that before maps turn it.
+    template <class Float>
+    NullTransmission<Float> null_transmission(MaterialId id, const TextureReader<Float> &read,
+                                              const Hit<Float> &hit, const Vec3<Float> &wo,
+                                              MappedNormal<Float> normal) const;
+
+    // Calls f(bsdf, normal, chosen) for the BSDFs (-1 is black) that scatter what does not pass straight
+    // through, each chosen with the probability of its share of it by a uniform number. Maps on the way to it
+    // turn the normal.
+    template <class Float, class F>
+    void choose(MaterialId id, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
+                Float u, MappedNormal<Float> normal, BoolOf<Float> active, F &&f) const;
+
+    static constexpr int most_lit_leaves = 4;
+    // Whether a tree mixes BSDFs, and so few of them that looking at each is worth its time.
+    bool is_small_blend(MaterialId id) const {
+        if (id.adapter < 0) return false;
+        const int leaves = adapter_leaves_[static_cast<std::size_t>(id.adapter)];
+        return leaves > 1 && leaves <= most_lit_leaves;
+    }
+    // Calls f(bsdf, normal, share) for what choose() may choose, with its probability times `share`.
+    template <class Float, class F>
+    void for_each_leaf(MaterialId id, const TextureReader<Float> &read, const Hit<Float> &hit,
+                       const Vec3<Float> &wo, MappedNormal<Float> normal, Float share, F &&f) const;
+
+    // Calls f(bsdf) for all BSDFs of a tree.
+    template <class F>
+    void for_each_bsdf(MaterialId id, F &&f) const;
+
+    // Whether light may pass straight through.
+    bool has_null_transmission(MaterialId id) const {
+        return id.adapter >= 0 ? adapter_transmits_[static_cast<std::size_t>(id.adapter)]
+                               : id.bsdf >= 0 && bsdf_transmits_[static_cast<std::size_t>(id.bsdf)];
+    }
+
+    // The BSDF that is reached first.
+    std::int32_t first_bsdf(MaterialId id) const;
+
+private:
+    const Adapter &adapter(MaterialId id) const { return adapters_[static_cast<std::size_t>(id.adapter)]; }
+    // Of what a blend stops of the light, the part that its second material stops.
+    template <class Float>
+    Float share_of_second(const Blend &blend, const TextureReader<Float> &read, const Hit<Float> &hit,
+                          const Vec3<Float> &wo, const MappedNormal<Float> &normal) const;
+
+    std::vector<Material> materials_;
+    std::vector<Adapter> adapters_;
+    std::span<const Bsdf> bsdfs_;
+    std::vector<bool> bsdf_transmits_, adapter_transmits_;
+    std::vector<int> adapter_leaves_;
+    bool has_null_transmission_ = false;
+};
+
+template <class Float, class F>
+void Materials::choose(MaterialId id, const TextureReader<Float> &read, const Hit<Float> &hit,
+                       const Vec3<Float> &wo, Float u, MappedNormal<Float> normal, BoolOf<Float> active,
+                       F &&f) const {
+    if (!any(active)) return;
+    if (id.adapter < 0) return f(id.bsdf, normal, active);
+    match(adapter(id), [&](const auto &a) {
+        using Model = std::decay_t<decltype(a)>;
+        if constexpr (std::is_same_v<Model, Blend>) {
+            const auto second = passes(share_of_second(a, read, hit, wo, normal), u);
+            choose(a.first, read, hit, wo, u, normal, active && !second, f);
+            choose(a.second, read, hit, wo, u, normal, active && second, f);
+        } else {
+            if constexpr (!std::is_same_v<Model, Mask>) turn(a, read, hit, wo, normal);
+            choose(a.child, read, hit, wo, u, normal, active, f);
+        }
+    });
+}
+
+template <class Float, class F>
+void Materials::for_each_leaf(MaterialId id, const TextureReader<Float> &read, const Hit<Float> &hit,
+                              const Vec3<Float> &wo, MappedNormal<Float> normal, Float share, F &&f) const {
+    if (!any(share != 0.0f)) return;
+    if (id.adapter < 0) return f(id.bsdf, normal, share);
+    match(adapter(id), [&](const auto &a) {
+        using Model = std::decay_t<decltype(a)>;
+        if constexpr (std::is_same_v<Model, Blend>) {
+            const Float second = share_of_second(a, read, hit, wo, normal);
+            for_each_leaf(a.first, read, hit, wo, normal, share * (1 - second), f);
+            for_each_leaf(a.second, read, hit, wo, normal, share * second, f);
+        } else {
+            if constexpr (!std::is_same_v<Model, Mask>) turn(a, read, hit, wo, normal);
+            for_each_leaf(a.child, read, hit, wo, normal, share, f);
+        }
+    });
+}
+
+template <class F>
+void Materials::for_each_bsdf(MaterialId id, F &&f) const {
+    if (id.adapter < 0) return f(id.bsdf);
+    match(adapter(id), [&](const auto &a) {
+        if constexpr (requires { a.child; }) for_each_bsdf(a.child, f);
+        else for_each_bsdf(a.first, f), for_each_bsdf(a.second, f);
+    });
+}
+
+} // namespace lajolla

@@ -1,0 +1,111 @@
+#pragma once
+// A surface point made ready to scatter light: a lobe, and the frame it lives in.
+
+#include "geometry/hit.h"
+#include "materials/normals.h"
+#include "scatter/bsdfs.h"
+
+namespace lajolla {
+
+// How a shading normal differs from the geometric one. Directions are in the shading frame.
+template <class Float>
+struct BentNormal {
+    BoolOf<Float> bent = false; // else the rest is meaningless
+    Float bump = 0; // tangent^2 of the angle by which maps turned the normal, where that casts shadows
+    Vec3<Float> geometric{}; // normal
+    Vec3<Float> smooth{};    // normal before maps turned it
+
+    // How much of the light that is scattered between wo and wi there is: none that is reflected into the
+    // solid, and less where bumps stand in its way.
+    Float visible(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+        const auto into_solid = wi.z * wo.z > 0.0f && dot(geometric, wi) * dot(geometric, wo) <= 0.0f;
+        Float shadowing = 1;
+        if (any(bent && bump != 0.0f))
+            shadowing =
+                select(bump == 0.0f, Float(1), bump_shadowing(bump, tangent_squared(dot(smooth, wi))));
+        return select(bent, select(into_solid, Float(0), shadowing), Float(1));
+    }
+};
+
+// Of a model, or of any: LobeType is a model's lobe, or the variant of all.
+template <class Float, class LobeType>
+struct Surface {
+    BoolOf<Float> black = true; // nothing is scattered: the rest is meaningless
+    BoolOf<Float> sharp =
+        false;         // sampling lights is of no use: only sampling the lobe finds where it scatters
+    Float stopped = 1; // the probability that light does not pass straight through
+    Frame<Float> frame;
+    Vec3<Float> wo; // local
+    LobeType lobe;
+    BentNormal<Float> normal;
+
+    // The BSDF times |cos|, and the density, of light from a direction in world space. What passes straight
+    // through is left out: paths have not.
+    BsdfEval<Float> eval(const Vec3<Float> &direction) const {
+        const Vec3<Float> wi = frame.to_local(direction);
+        BsdfEval<Float> result = eval_lobe(wi);
+        if (!any(normal.bent)) return result;
+        const Float visible = normal.visible(wo, wi);
+        result.f_cos *= visible;
+        result.pdf = select(visible == 0.0f, Float(0), result.pdf);
+        return result;
+    }
+    BsdfSample<Float> sample(Float u_lobe, const Vec2<Float> &u) const {
+        BsdfSample<Float> result = sample_lobe(u_lobe * stopped, u);
+        if (any(normal.bent)) {
+            const Float visible = normal.visible(wo, result.wi);
+            result.weight *= visible;
+            result.valid = result.valid && visible != 0.0f;
+        }
+        result.wi = frame.to_world(result.wi);
+        return result;
+    }
+
+private:
+    BsdfEval<Float> eval_lobe(const Vec3<Float> &wi) const {
+        if constexpr (std::is_same_v<LobeType, Lobe>) return lajolla::eval(lobe, wo, wi);
+        else return lobe.eval(wo, wi);
+    }
+    BsdfSample<Float> sample_lobe(Float u_lobe, const Vec2<Float> &u) const {
+        if constexpr (std::is_same_v<LobeType, Lobe>) return lajolla::sample(lobe, wo, u_lobe, u);
+        else return lobe.sample(wo, u_lobe, u);
+    }
+};
+
+// The frame in which a lobe scatters at a hit, and what is wrong with its normal.
+template <class Float>
+struct ShadingFrame {
+    BoolOf<Float> black; // seen from a side that has nothing to show
+    Frame<Float> frame;
+    BentNormal<Float> normal;
+};
+
+// Seen from `wo` (world space); `turned` is where the BSDF is that of the back, as if the surface were turned
+// over.
+template <class Float>
+ShadingFrame<Float> shading_frame(const BsdfTraits &traits, const Hit<Float> &hit, const Vec3<Float> &wo,
+                                  const MappedNormal<Float> &normal, BoolOf<Float> turned) {
+    const SeenNormals<Float> seen = seen_from(wo, hit.normal, normal);
+    // Towards the viewer, until it is known whether the lobe tells the sides apart.
+    Vec3<Float> n = seen.shading;
+    const auto bent = !(n == seen.geometric);
+    if (any(bent))
+        n = select(bent,
+                   traits.lambertian ? seen_from_above(n, seen.geometric, wo)
+                                     : with_mirror_image_above(n, seen.geometric, wo),
+                   n);
+    if (traits.transmissive) n = select(seen.behind, -n, n);
+    ShadingFrame<Float> result{seen.behind && !turned && !BoolOf<Float>(traits.transmissive),
+                               traits.anisotropic ? frame_along(n, normal.tangent) : frame_around(n),
+                               {bent}};
+    if (any(bent)) {
+        result.normal.geometric = result.frame.to_local(hit.normal);
+        if (normal.shadowed) {
+            result.normal.smooth = result.frame.to_local(hit.shading_normal);
+            result.normal.bump = tangent_squared(result.normal.smooth.z);
+        }
+    }
+    return result;
+}
+
+} // namespace lajolla

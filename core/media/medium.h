@@ -1,0 +1,104 @@
+#pragma once
+// The list of media, and all that is known of the medium at a point.
+
+#include <variant>
+#include <vector>
+
+#include "media/majorants.h"
+#include "media/volumes.h"
+#include "scatter/phases.h"
+
+namespace lajolla {
+
+// What a medium does per unit of length.
+struct Coefficients {
+    Spectrum sigma_a{0}, sigma_s{0}; // absorption and scattering
+    Spectrum emission{0};            // radiance gained
+
+    Spectrum sigma_t() const { return sigma_a + sigma_s; }
+};
+
+struct Homogeneous {
+    static constexpr const char *name = "homogeneous";
+    static constexpr const char *doc = "The same everywhere.";
+    Spectrum sigma_a{0.25f}, sigma_s{0.75f}, emission{0};
+    PhaseId phase;
+
+    static constexpr auto fields() {
+        return std::tuple(field("sigma_a", &Homogeneous::sigma_a, "absorption").range(0).unit("1/length"),
+                          field("sigma_s", &Homogeneous::sigma_s, "scattering").range(0).unit("1/length"),
+                          field("emission", &Homogeneous::emission,
+                                "radiance that so much of it as is opaque would emit: what is gained per "
+                                "length is this times "
+                                "sigma_a")
+                              .range(0),
+                          field("phase", &Homogeneous::phase, "into which directions it scatters"));
+    }
+
+    Coefficients coefficients(const auto &) const { return {sigma_a, sigma_s, sigma_a * emission}; }
+};
+
+struct Heterogeneous {
+    static constexpr const char *name = "heterogeneous";
+    static constexpr const char *doc = "Varies in space. Where the volume of sigma_t ends, the medium ends.";
+    Volume<Spectrum> sigma_t{Spectrum(1)}, albedo{Spectrum(0.75f)}, emission{Spectrum(0)};
+    float scale = 1;
+    PhaseId phase;
+    MajorantGrid majorants; // of sigma_t's largest channel; made by Media::add
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("sigma_t", &Heterogeneous::sigma_t, "extinction").range(0).unit("1/length"),
+            field("albedo", &Heterogeneous::albedo, "fraction of the extinction that is scattering")
+                .range(0, 1),
+            field("emission", &Heterogeneous::emission,
+                  "radiance that so much of it as is opaque would emit: what is gained per length is this "
+                  "times "
+                  "the absorption")
+                .range(0),
+            field("scale", &Heterogeneous::scale, "multiplies the extinction").range(0),
+            field("phase", &Heterogeneous::phase, "into which directions it scatters"));
+    }
+
+    Coefficients coefficients(const auto &read) const {
+        const Spectrum extinction = max(read.inside(sigma_t) * scale, Spectrum(0));
+        const Spectrum scattering = extinction * min(max(read(albedo), Spectrum(0)), Spectrum(1));
+        const Spectrum absorption = extinction - scattering;
+        return {absorption, scattering, absorption * max(read(emission), Spectrum(0))};
+    }
+};
+
+using Medium = std::variant<Homogeneous, Heterogeneous>;
+
+// The media of a scene with what they refer to. Models that are added may refer to those before them, by ids
+// that are in range.
+class Media {
+public:
+    void add(VolumeModel volume) { volumes_.push_back(std::move(volume)); }
+    // These throw std::invalid_argument for what does not fit together.
+    void add(Phase phase);
+    void add(Medium medium);
+
+    bool empty() const { return media_.empty(); }
+    std::size_t size() const { return media_.size(); }
+    std::span<const VolumeModel> volumes() const { return volumes_; }
+    std::span<const Phase> phases() const { return phases_; }
+    const Medium &operator[](std::int32_t medium) const { return media_[static_cast<std::size_t>(medium)]; }
+
+    // What a medium does to light that travels along wo (either way) at a point.
+    Coefficients coefficients(std::int32_t medium, const Vec3f &position, const Vec3f &wo) const;
+    PhaseLobe phase(std::int32_t medium, const Vec3f &position) const;
+
+    std::size_t bytes() const;
+
+private:
+    float largest_area(PhaseId phase) const;
+    bool reads_volumes(PhaseId phase) const;
+
+    std::vector<VolumeModel> volumes_;
+    std::vector<Phase> phases_;
+    std::vector<Medium> media_;
+    std::vector<bool> directional_; // whether a medium's extinction depends on the direction
+};
+
+} // namespace lajolla

@@ -1,0 +1,143 @@
+#include "textures/textures.h"
+
+#include <stdexcept>
+
+namespace lajolla {
+
+namespace {
+
+template <class Float>
+Vec2<Float> vector_in_uv(const Transform &to_uv, Vec2<Float> v) {
+    const Vec3<Float> result = to_uv.vector(Vec3<Float>{v.x, v.y, 0});
+    return {result.x, result.y};
+}
+template <class Float>
+Vec2<Float> point_in_uv(const Transform &to_uv, Vec2<Float> p) {
+    const Vec3<Float> result = to_uv.point(Vec3<Float>{p.x, p.y, 1});
+    return {result.x, result.y};
+}
+
+const Shape *shape_at(const TexturePoint<float> &at) {
+    return at.hit && at.shapes ? at.shapes + at.hit->shape : nullptr;
+}
+const TriangleMesh *mesh_at(const TexturePoint<float> &at) { return std::get_if<TriangleMesh>(shape_at(at)); }
+
+// The product of the principal curvatures of the surface that a mesh's vertex normals describe: the
+// determinant of the map from steps on the triangle to changes of the normal.
+float gaussian_curvature(const TriangleMesh &shape, const Hit<float> &hit) {
+    const Mesh &mesh = *shape.mesh;
+    if (shape.face_normals || mesh.normals.empty()) return 0;
+    const Triangle &t = mesh.triangles[static_cast<std::size_t>(hit.primitive)];
+    const Vec3f e1 = mesh.positions[t[1]] - mesh.positions[t[0]],
+                e2 = mesh.positions[t[2]] - mesh.positions[t[0]];
+    const Vec3f n0 = mesh.normals[t[0]], d1 = mesh.normals[t[1]] - n0, d2 = mesh.normals[t[2]] - n0;
+    const Vec3f sum = n0 + d1 * hit.barycentric.x + d2 * hit.barycentric.y, scaled_normal = cross(e1, e2);
+    const Vec3f dual1 = cross(e2, scaled_normal), dual2 = cross(scaled_normal, e1);
+    const float scale = length(sum) * length_squared(scaled_normal);
+    const float determinant = dot(d1, dual1) * dot(d2, dual2) - dot(d2, dual1) * dot(d1, dual2);
+    return scale > 0 ? determinant / sqr(scale) : 0;
+}
+
+float gaussian_curvature(const TexturePoint<float> &at) {
+    if (const TriangleMesh *mesh = mesh_at(at)) return gaussian_curvature(*mesh, *at.hit);
+    const bool is_sphere = std::get_if<Sphere>(shape_at(at));
+    return is_sphere ? sqr(at.hit->mean_curvature) : 0; // the others can be unrolled
+}
+
+} // namespace
+
+void Bitmap::build() {
+    if (!image || image->width == 0 || image->height == 0)
+        throw std::invalid_argument("a bitmap needs an image");
+    pixels = MipMap(image, filter_type, wrap_mode);
+}
+
+template <class Float>
+Float Bitmap::level(Float uv_footprint) const {
+    const Vec2f u = vector_in_uv(to_uv, Vec2f{1, 0}), v = vector_in_uv(to_uv, Vec2f{0, 1});
+    const float scale = max(hypot(u.x, u.y), hypot(v.x, v.y));
+    const Float texels = static_cast<float>(std::max(image->width, image->height)) * scale * uv_footprint;
+    return log2(max(texels, Float(1e-8f)));
+}
+template float Bitmap::level(float) const;
+template WideFloat Bitmap::level(WideFloat) const;
+
+template <class Float>
+Rgb<Float> Bitmap::look_up(const TexturePoint<Float> &at) const {
+    const Vec2<Float> position = point_in_uv(to_uv, at.uv);
+    if (!at.filtered || !pixels.is_filtered()) return pixels.sharp(position);
+    const Float round_level = level(at.hit->uv_footprint());
+    // A beam that a rough surface opened is blurred in every direction: its ellipse would cost and show
+    // nothing.
+    const auto blurred = !(at.hit->footprint.spread < 0.05f);
+    if (!pixels.is_elliptical() || all(blurred)) return pixels.trilinear(position, round_level);
+    const UvEllipse<Float> ellipse = uv_ellipse(*at.hit, at.wo);
+    return pixels.elliptical(position, vector_in_uv(to_uv, ellipse.across),
+                             vector_in_uv(to_uv, ellipse.along), max_anisotropy, blurred, round_level);
+}
+template Rgb<float> Bitmap::look_up(const TexturePoint<float> &) const;
+template Rgb<WideFloat> Bitmap::look_up(const TexturePoint<WideFloat> &) const;
+
+template <class Float>
+UvGradient<Float> Bitmap::sharp_gradient(Vec2<Float> uv) const {
+    const auto [by_x, by_y] = pixels.gradient(point_in_uv(to_uv, uv));
+    const Vec2f u = vector_in_uv(to_uv, Vec2f{1, 0}), v = vector_in_uv(to_uv, Vec2f{0, 1});
+    return {by_x * Float(u.x) + by_y * Float(u.y), by_x * Float(v.x) + by_y * Float(v.y)};
+}
+template UvGradient<float> Bitmap::sharp_gradient(Vec2<float>) const;
+template UvGradient<WideFloat> Bitmap::sharp_gradient(Vec2<WideFloat>) const;
+
+void ClampedTexture::build() {
+    if (low > high) throw std::invalid_argument("\"low\" must not be above \"high\"");
+}
+
+void MeshAttribute::build() {
+    if (!attribute.starts_with("vertex_") && !attribute.starts_with("face_"))
+        throw std::invalid_argument("the name of a mesh attribute begins with vertex_ or face_, not \"" +
+                                    attribute + "\"");
+}
+
+Spectrum MeshAttribute::look_up(const TexturePoint<float> &at) const {
+    const TriangleMesh *shape = mesh_at(at);
+    if (!shape) return Spectrum(0);
+    const auto found = shape->mesh->attributes.find(attribute);
+    if (found == shape->mesh->attributes.end()) return Spectrum(0);
+    const Mesh::Attribute &values = found->second;
+    const auto value = [&](std::size_t element) {
+        const float *first = values.values.data() + element * values.channels;
+        return values.channels < 3 ? Spectrum(first[0]) : Spectrum(first[0], first[1], first[2]);
+    };
+    const auto primitive = static_cast<std::size_t>(at.hit->primitive);
+    if (values.per_face) return value(primitive);
+    const Triangle &t = shape->mesh->triangles[primitive];
+    const Vec2f b = at.hit->barycentric;
+    return value(t[0]) * (1 - b.x - b.y) + value(t[1]) * b.x + value(t[2]) * b.y;
+}
+
+float Wireframe::interior(const TexturePoint<float> &at) const {
+    const TriangleMesh *shape = mesh_at(at);
+    if (!shape) return 1;
+    const Mesh &mesh = *shape->mesh;
+    const Triangle &t = mesh.triangles[static_cast<std::size_t>(at.hit->primitive)];
+    const Vec3f a = mesh.positions[t[0]], b = mesh.positions[t[1]], c = mesh.positions[t[2]];
+    const Vec2f bary = at.hit->barycentric;
+    // The height over an edge is the barycentric coordinate of the corner opposite times the whole height.
+    const float twice_area = length(cross(b - a, c - a));
+    const float nearest = twice_area * std::min({(1 - bary.x - bary.y) / length(c - b),
+                                                 bary.x / length(c - a), bary.y / length(b - a)});
+    const float width = line_width > 0 ? line_width : 0.1f * shape->mean_edge;
+    const float from = width * (1 - step_width);
+    if (nearest >= width) return 1;
+    if (!(nearest > from)) return 0;
+    const float x = (nearest - from) / (width - from);
+    return x * x * (3 - 2 * x);
+}
+
+Spectrum CurvatureTexture::look_up(const TexturePoint<float> &at) const {
+    if (!at.hit) return Spectrum(0);
+    const float value =
+        scale * (curvature == CurvatureKind::mean ? -at.hit->mean_curvature : gaussian_curvature(at));
+    return {std::clamp(value, 0.0f, 1.0f), 0, std::clamp(-value, 0.0f, 1.0f)};
+}
+
+} // namespace lajolla
