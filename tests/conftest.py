@@ -8,6 +8,16 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """What "-n auto" means: a process for each core, but none beside this one for tests that are chosen."""
+    chosen = config.args_source is pytest.Config.ArgsSource.ARGS or config.option.keyword
+    if not chosen:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    config.option.dist = "no"
+    return 0
+
+
 @pytest.fixture(scope="session")
 def repository() -> Path:
     """The root of the checkout."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from oracle import Setup, default_variant, differences, render_with_lajolla, render_with_mitsuba
 
-from lajolla import _core, cli, image
+from lajolla import _core, cli, image, load
 from lajolla.catalog import catalog
 from lajolla.scene import export, load_description
 
@@ -85,12 +85,20 @@ def test_an_old_scene(old_scene: Path, tmp_path: Path) -> None:
     check_means(old_scene, tmp_path / "out" / "new.xml", SETUP, 1024)
 
 
-@pytest.mark.parametrize(
-    ("name", "size"),
-    [("lajolla/cbox/cbox.xml", (64, 64)), ("velysian/layered_shoes/layered_shoes.xml", (64, 64))],
-)
-def test_real_scenes(name: str, size: tuple[int, int], shared_scenes: Path, tmp_path: Path) -> None:
-    check_means(shared_scenes / name, tmp_path / "new.xml", Setup(*size), 512)
+def test_a_real_scene(shared_scenes: Path, tmp_path: Path) -> None:
+    check_means(shared_scenes / "lajolla/cbox/cbox.xml", tmp_path / "new.xml", Setup(64, 64), 512)
+
+
+@pytest.mark.parametrize("name", ["lajolla/cbox/cbox.xml", "velysian/layered_shoes/layered_shoes.xml"])
+def test_lajolla_renders_the_result_as_the_original(name: str, shared_scenes: Path, tmp_path: Path) -> None:
+    """Bit for bit. (Of the shoes, whose vertex normals contradict their faces, Mitsuba's picture differs from ours by
+    several percent in places, with the original and with the result alike.)"""
+    target = tmp_path / "new.xml"
+    assert cli.main(["convert", str(shared_scenes / name), str(target)]) == 0
+    original, result = (
+        load(path, size=(64, 64)).render(spp=4, seed=1).array for path in (shared_scenes / name, target)
+    )
+    assert np.array_equal(original, result)
 
 
 def test_every_scene_loads(shared_scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -465,6 +465,25 @@ def test_pictures_of_adapters(name: str, strategy: str) -> None:
     check_lanes(scene)
 
 
+@pytest.mark.parametrize("leaves", [2, 3, 4, 5, 8])
+def test_blends_that_fill_the_picture(leaves: int) -> None:
+    """Every path sends a shadow ray for each BSDF that is blended, if these are few: the most of them."""
+    greys = tuple({"type": "diffuse", "reflectance": 0.2 + 0.1 * i} for i in range(leaves))
+    blends: list[Settings] = [
+        {"type": "blendbsdf", "weight": 0.4, "first": {"adapter": i - 1} if i else 1, "second": 2 + i}
+        for i in range(leaves - 1)
+    ]
+    scene = stage(
+        {"type": "sphere", "to_world": scaling(20), "flip_normals": True, "material": 1},
+        lights=(*LIT[:1], LIGHTS["point"]),
+        bsdfs=greys,
+        adapters=blends,
+        materials=({"front": {"adapter": leaves - 2}},),
+        sensor={**CAMERA, "to_world": look_at((0, -5, 2.5), (0, -10, 6))},
+    )
+    assert check_lanes(scene).min() > 0
+
+
 @pytest.mark.parametrize("hide_emitters", [False, True])
 @pytest.mark.parametrize("strategy", STRATEGIES)
 def test_settings_of_the_integrator(strategy: str, hide_emitters: bool) -> None:
