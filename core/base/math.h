@@ -39,7 +39,7 @@ WideFloat each_lane(WideFloat x, F &&f) {
 inline constexpr std::int32_t sign_bit = std::numeric_limits<std::int32_t>::min();
 } // namespace detail
 
-#if defined(__AVX512F__)
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
 // With a mask of all lanes, because the headers of g++ warn of the forms without one.
 inline WideFloat min(WideFloat a, WideFloat b) {
     return raw_cast(_mm512_maskz_min_ps(0xffff, raw_cast<__m512>(b), raw_cast<__m512>(a)));

@@ -134,7 +134,7 @@ WideFloat raw_cast(Vector x) {
 
 // One bit a lane, the first lane lowest.
 inline unsigned bits(WideBool m) {
-#if defined(__AVX512DQ__)
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
     return _mm512_movepi32_mask(std::bit_cast<__m512i>(m.v));
 #elif defined(__AVX__)
     return static_cast<unsigned>(_mm256_movemask_ps(std::bit_cast<__m256>(m.v)));
@@ -213,7 +213,7 @@ inline void store(std::int32_t *p, WideInt x) { std::memcpy(p, &x.v, sizeof x.v)
 inline float gather(const float *from, std::int32_t i) { return from[i]; }
 inline std::int32_t gather(const std::int32_t *from, std::int32_t i) { return from[i]; }
 inline WideFloat gather(const float *from, WideInt i) {
-#if defined(__AVX512F__)
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
     const auto index = std::bit_cast<__m512i>(i.v);
     return raw_cast(_mm512_mask_i32gather_ps(_mm512_setzero_ps(), 0xffff, index, from, 4));
 #elif defined(__AVX2__)
@@ -258,9 +258,6 @@ inline Quad<WideFloat> transposed(const Quad<WideFloat> &m) {
             WideFloat(shuffle<low_halves>(ab2, cd2)), WideFloat(shuffle<high_halves>(ab2, cd2))};
 }
 
-} // namespace detail
-
-namespace detail {
 // Blocks of four numbers to and from a vector. (Copying them through memory would stall the processor, which
 // cannot forward several small stores to one large load.)
 using Four [[gnu::vector_size(16)]] = float;

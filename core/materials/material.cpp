@@ -46,7 +46,6 @@ void turn_by(const auto &map, const TextureReader<Float> &read, const Hit<Float>
     const Vec3<Float> before = normal.n;
     normal.n = turned(map, read, hit, normal);
     if (map.flip_invalid_normals) normal.n = facing(normal.n, before, wo);
-    normal.turned_by_maps = true;
     normal.shadowed |= map.use_shadowing_function;
 }
 

@@ -11,7 +11,7 @@ struct MappedNormal {
     Vec3<Float> n;                  // unit
     Vec3<Float> tangent;            // along which u grows; any length, not in n's plane exactly
     BoolOf<Float> mirrored = false; // seen from behind: n is turned over, and u, v and n are left-handed
-    bool turned_by_maps = false, shadowed = false;
+    bool shadowed = false;          // by bumps
 };
 
 // The normal of the surface that a displacement along n makes of this one, from its derivatives by u and v.

@@ -78,7 +78,8 @@ public:
     // Everything about a hit that the ray tracer found.
     Hit<float> hit(const Ray<float> &ray, const RayHit &found, const RayCone<float> &cone,
                    const HitNeeds &needs = {}) const;
-    // The same of several rays; lanes where `active` is false hold the hits of others.
+    // The same of several rays; lanes where `active` is false hold ids of others, and numbers
+    // that mean nothing.
     Hit<WideFloat> hit(const Ray<WideFloat> &rays, const RayHits &found, WideBool active,
                        const RayCone<WideFloat> &cones, const HitNeeds &needs) const;
     // What scattering light asks of hits in this scene.

@@ -21,6 +21,7 @@ float coverage(const Scene &scene, Tracer &tracer, const CameraRay<float> &camer
         if constexpr (Medium::present)
             if (medium.current >= 0) {
                 Ray<float> piece = ray;
+                piece.near = 0; // as of paths: a camera's near plane hides surfaces, not the medium before it
                 if (found) piece.far = found->distance;
                 if (medium.fly(scene, piece, flight).collision) return 1;
             }

@@ -338,7 +338,7 @@ Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                 if (course != Course::passed) break;
             }
         if (!found) {
-            if (walk.path.depth > 1 || !hide_emitters)
+            if (scene.lights().has_environment() && (walk.path.depth > 1 || !hide_emitters))
                 walk.radiance += walk.path.throughput * environment(scene, walk.path);
             break;
         }

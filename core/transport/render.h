@@ -63,7 +63,7 @@ struct Report {
     static constexpr std::size_t kept_samples = 16;
     std::uint64_t rays = 0;
     std::uint64_t nonfinite = 0;             // samples that were NaN or infinite, and count as black
-    std::vector<SampleId> nonfinite_samples; // the first of them, in the order of pixels
+    std::vector<SampleId> nonfinite_samples; // the first of them, in the order of tiles
 };
 
 // How far a running job is, and whether to stop it.

@@ -6,8 +6,8 @@
 
 namespace lajolla {
 
-// More surfaces in a row than any scene has a use for; a path that passes more is ended, so that none lasts
-// forever.
+// More surfaces than any scene has a use for; a path or shadow ray that goes straight through more is ended,
+// so that none lasts forever.
 inline constexpr int max_null_transmissions = 1024;
 
 // What passes straight through a surface that a path hits, all of it through a light that it shall not see.

@@ -130,7 +130,7 @@ PathState<float> Wavefront::one(const StoredPath &stored) {
 
 Wavefront::StoredPath Wavefront::stored(const PathState<float> &p, std::int32_t sample) {
     const Vec3f &o = p.ray.origin, &d = p.ray.direction;
-    return {{{o.x, o.y, o.z, p.delta ? -p.pdf : p.pdf},
+    return {{{o.x, o.y, o.z, std::copysign(p.pdf, p.delta ? -1.0f : 1.0f)},
              {d.x, d.y, d.z, p.eta},
              {p.throughput.x, p.throughput.y, p.throughput.z, p.flight},
              {p.from.x, p.from.y, p.from.z, p.cone.radius},
@@ -287,8 +287,6 @@ void Wavefront::trace_shadow_rays(Tracer &tracer) {
 
 // --- groups
 
-// Calls f(paths of the lanes, their samples, active lanes) for all paths of a group; lanes that are off
-// repeat the last.
 void Wavefront::gather_environment(std::span<const std::int32_t> paths) {
     if (!scene_.lights().has_environment()) return;
     for_each_packet(paths, [&](const Packet &packet) {

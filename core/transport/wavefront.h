@@ -8,7 +8,6 @@
 // A path's numbers depend on nothing but itself, so that the result is that of following it alone, bit for
 // bit.
 
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -67,7 +66,6 @@ private:
     // The same of a material that is a tree: blends, masks and maps around BSDFs.
     void scatter_tree(const Material &material, std::span<const std::int32_t> paths, Tracer &tracer);
 
-    struct Packet;
     struct Vertex;
     // What is done with a BSDF at a vertex: lights are sampled, or the direction in which the path goes on,
     // or both.
