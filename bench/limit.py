@@ -15,7 +15,7 @@ import sys
 import time
 
 import lajolla
-from lajolla import _core
+from lajolla import _core, _core_testing
 
 
 def render_seconds(scene: _core.Scene, spp: int, threads: int) -> float:
@@ -29,7 +29,7 @@ def measure(path: str, options: argparse.Namespace) -> str:
     overrides = {"size": options.size} if options.size else {}
     overrides |= {"spp": options.spp, "integrator": "path", "max_depth": options.max_depth}
     scene = lajolla.load(path, **overrides).core
-    rays = _core.record_rays(scene, options.spp, options.threads)
+    rays = _core_testing.record_rays(scene, options.spp, options.threads)
     renders, replays = [], []
     for _ in range(options.runs + 1):  # the first pair warms up
         renders.append(render_seconds(scene, options.spp, options.threads))

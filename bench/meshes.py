@@ -106,10 +106,10 @@ def scene_of(path: Path) -> dict[str, object]:
 def with_lajolla(path: Path) -> tuple[object, float, float]:
     """The scene, its number of triangles and the bytes of its arrays."""
     import lajolla
-    from lajolla import _core
+    from lajolla import _core_testing
 
     scene = lajolla.load_dict(scene_of(path))
-    _core.hit_many(scene.core, np.float32([[5, 0, 0]]), np.float32([[-1, 0, 0]]))
+    _core_testing.hit_many(scene.core, np.float32([[5, 0, 0]]), np.float32([[-1, 0, 0]]))
     summary = scene.core.summary()
     return scene, summary["triangles"], summary["bytes"]
 

@@ -1,12 +1,25 @@
 include(CheckCXXSourceRuns)
 
-# Sets `result` to the newest x86-64 level that the building machine runs and that is worth naming (v3 brings AVX2
-# and FMA, v4 AVX-512), or to nothing where -march is better left alone.
-function(lajolla_native_isa result)
-    if(NOT CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64|amd64)$")
-        set(${result} "" PARENT_SCOPE)
-        return()
+# Sets `result` to the instruction sets that LAJOLLA_ISA asks for, the lowest first: what -march takes, or "default" for
+# the compiler's own choice.
+function(lajolla_instruction_sets result)
+    set(found "${LAJOLLA_ISA}")
+    if(found MATCHES "^(all|native)$" AND NOT CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64|amd64)$")
+        set(found "")
     endif()
+    if(found STREQUAL "")
+        set(found default)
+    elseif(found STREQUAL "all")
+        set(found x86-64-v2 x86-64-v3 x86-64-v4) # as src/lajolla/processor.py has them
+    elseif(found STREQUAL "native")
+        lajolla_native_isa(found)
+    endif()
+    set(${result} "${found}" PARENT_SCOPE)
+endfunction()
+
+# Sets `result` to the newest x86-64 level that the building machine runs and that is worth naming (v3 brings AVX2
+# and FMA, v4 AVX-512).
+function(lajolla_native_isa result)
     lajolla_runs(x86-64-v4 "avx512f avx512bw avx512cd avx512dq avx512vl" LAJOLLA_RUNS_X86_64_V4)
     lajolla_runs(x86-64-v3 "avx2 fma bmi bmi2" LAJOLLA_RUNS_X86_64_V3)
     if(LAJOLLA_RUNS_X86_64_V4)

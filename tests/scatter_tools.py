@@ -14,7 +14,7 @@ from measured_tools import MEASUREMENTS
 from quadrature_tools import sphere
 from statistics_tools import Draws, Sampled, compare, generator, require, rounding_at, uniforms
 
-from lajolla import _core
+from lajolla import _core, _core_testing
 
 Settings = dict[str, object]
 
@@ -55,7 +55,7 @@ def rows(directions: np.ndarray) -> np.ndarray:
 
 
 def make_bsdf(description: Settings) -> Bsdf:
-    bsdf = _core.Bsdf(description)
+    bsdf = _core_testing.Bsdf(description)
 
     def sample(wo: np.ndarray, u: np.ndarray) -> Draws:
         s = bsdf.sample_many(rows(wo), rows(u))
@@ -158,7 +158,7 @@ def random_value(field: dict, rng: np.random.Generator) -> object:
 
 def is_accepted(description: Settings) -> bool:
     try:
-        _core.Bsdf(description)
+        _core_testing.Bsdf(description)
     except _core.DescriptionError:
         return False
     return True

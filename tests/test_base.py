@@ -20,7 +20,7 @@ from statistics_tools import (
     uniforms,
 )
 
-from lajolla import _core
+from lajolla import _core_testing
 
 EDGE = np.array([[a, b] for a in (0, 0.5, ONE_MINUS_ULP) for b in (0, 0.5, ONE_MINUS_ULP)], np.float32)
 
@@ -53,15 +53,18 @@ WARPS = [
     warp(
         "disk",
         box((-1, -1), (1, 1)),
-        _core.warp_disk,
+        _core_testing.warp_disk,
         lambda p: ((p.astype(float) ** 2).sum(1) < 1 + 1e-6) / np.pi,
     ),
-    warp("triangle", box((0, 0), (1, 1)), _core.warp_triangle, lambda p: 2.0 * (p.sum(1) < 1 + 1e-6)),
-    warp("sphere", sphere(), _core.warp_sphere, lambda w: np.full(len(w), 1 / (4 * np.pi))),
+    warp("triangle", box((0, 0), (1, 1)), _core_testing.warp_triangle, lambda p: 2.0 * (p.sum(1) < 1 + 1e-6)),
+    warp("sphere", sphere(), _core_testing.warp_sphere, lambda w: np.full(len(w), 1 / (4 * np.pi))),
     warp(
-        "cosine hemisphere", sphere(), _core.warp_cosine_hemisphere, lambda w: np.maximum(w[:, 2], 0) / np.pi
+        "cosine hemisphere",
+        sphere(),
+        _core_testing.warp_cosine_hemisphere,
+        lambda w: np.maximum(w[:, 2], 0) / np.pi,
     ),
-    warp("wide cone", sphere(), lambda u: _core.warp_cone(u, 0.8), within_cone(0.8)),
+    warp("wide cone", sphere(), lambda u: _core_testing.warp_cone(u, 0.8), within_cone(0.8)),
 ]
 
 
@@ -82,7 +85,7 @@ def test_small_cones_keep_their_radius() -> None:
     """The sine over the cone's radius is sqrt(u), even where one minus the cosine is tiny."""
     height = 1e-10
     u = uniforms(generator("cone"), 1000, 2)
-    directions = _core.warp_cone(u, height).astype(float)
+    directions = _core_testing.warp_cone(u, height).astype(float)
     sine = np.hypot(directions[:, 0], directions[:, 1]) / np.sqrt(2 * height)
     np.testing.assert_allclose(sine, np.sqrt(u[:, 0]), rtol=1e-5, atol=1e-6)
 
@@ -101,10 +104,10 @@ def test_discrete_distribution(name: str) -> None:
     weights = np.array(WEIGHTS[name], np.float32)
     total = weights.sum(dtype=float)
     expected = weights / total if total > 0 else np.full(len(weights), 1 / len(weights))
-    probability = _core.distribution_probability(weights)
+    probability = _core_testing.distribution_probability(weights)
     np.testing.assert_allclose(probability, expected, rtol=1e-4, atol=2e-7)
     u = uniforms(generator("discrete", name), 50_000, 1)[:, 0]
-    s = _core.distribution_sample(weights, u)
+    s = _core_testing.distribution_sample(weights, u)
     counts = np.bincount(s["index"], minlength=len(weights))
     assert (counts[probability == 0] == 0).all()
     assert chi_square(counts, len(u) * expected) > LEVEL
@@ -117,7 +120,7 @@ def test_discrete_distribution(name: str) -> None:
 @pytest.mark.parametrize("name", WEIGHTS)
 def test_discrete_distribution_at_the_edges(name: str) -> None:
     weights = np.array(WEIGHTS[name], np.float32)
-    s = _core.distribution_sample(weights, np.array([0, ONE_MINUS_ULP], np.float32))
+    s = _core_testing.distribution_sample(weights, np.array([0, ONE_MINUS_ULP], np.float32))
     assert (s["probability"] > 0).all() and (s["rest"] < 1).all()
     if weights.sum() > 0:
         assert (weights[s["index"]] > 0).all()
@@ -127,7 +130,7 @@ def test_small_weights_in_a_long_table_survive() -> None:
     """A long table is summed without losing its small entries."""
     weights = np.full(1_000_000, 1e-3, np.float32)
     weights[::1000] = 1
-    probability = _core.distribution_probability(weights).astype(float)
+    probability = _core_testing.distribution_probability(weights).astype(float)
     assert abs(probability[weights < 0.5].sum() - 999_000e-3 / (999_000e-3 + 1000)) < 1e-3
 
 
@@ -136,11 +139,11 @@ def grid_distribution(weights: np.ndarray) -> Sampled:
     cuts = tuple(tuple(np.arange(1, n) / n) for n in (width, height))
 
     def evaluate(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        pdf = _core.distribution2d_pdf(weights, np.ascontiguousarray(points, np.float32))
+        pdf = _core_testing.distribution2d_pdf(weights, np.ascontiguousarray(points, np.float32))
         return pdf[:, None], pdf
 
     def sample(u: np.ndarray) -> Draws:
-        points, pdf = _core.distribution2d_sample(weights, u)
+        points, pdf = _core_testing.distribution2d_sample(weights, u)
         valid = np.ones(len(u), bool)
         return Draws(points, np.ones((len(u), 1)), pdf, valid, ~valid, np.ones(len(u)))
 
@@ -165,7 +168,7 @@ def test_grid_distribution(weights: np.ndarray) -> None:
         -1, 2
     )
     expected = weights.ravel() / weights.mean()
-    pdf = _core.distribution2d_pdf(weights, centres.astype(np.float32))
+    pdf = _core_testing.distribution2d_pdf(weights, centres.astype(np.float32))
     np.testing.assert_allclose(pdf, expected, rtol=1e-4, atol=1e-5)
 
 
@@ -187,14 +190,14 @@ def assert_orthonormal(frames: np.ndarray, normals: np.ndarray, precision: float
 
 def test_frames_are_orthonormal_and_right_handed() -> None:
     normals = unit_vectors(2000)
-    assert_orthonormal(_core.frames_around(normals), normals)
+    assert_orthonormal(_core_testing.frames_around(normals), normals)
 
 
 @pytest.mark.parametrize("length", [1e-8, 1, 1e8])
 def test_frames_follow_the_tangent(length: float) -> None:
     normals = unit_vectors(2000)
     tangents = np.roll(normals, 17, axis=0) * np.float32(length)
-    frames = _core.frames_along(normals, tangents)
+    frames = _core_testing.frames_along(normals, tangents)
     assert_orthonormal(frames, normals, 1e-5)  # some tangents are almost parallel to the normal
     assert ((frames[:, :3] * tangents).sum(1) > 0).all()
 
@@ -202,7 +205,7 @@ def test_frames_follow_the_tangent(length: float) -> None:
 @pytest.mark.parametrize("tangent", [(0, 0, 0), (0, 0, 1), (np.nan, 0, 0), (np.inf, 0, 0)])
 def test_frames_survive_useless_tangents(tangent: tuple[float, float, float]) -> None:
     normals = np.array([[0, 0, 1]], np.float32)
-    assert_orthonormal(_core.frames_along(normals, np.array([tangent], np.float32)), normals)
+    assert_orthonormal(_core_testing.frames_along(normals, np.array([tangent], np.float32)), normals)
 
 
 def test_inverse_of_affine_transforms() -> None:
@@ -210,11 +213,11 @@ def test_inverse_of_affine_transforms() -> None:
     for _ in range(100):
         matrix = np.eye(4)
         matrix[:3] = rng.normal(size=(3, 4)) * 10 ** rng.uniform(-2, 2)
-        inverse = np.array(_core.transform_inverse(matrix.tolist()))
+        inverse = np.array(_core_testing.transform_inverse(matrix.tolist()))
         np.testing.assert_allclose(
             inverse, np.linalg.inv(matrix), rtol=1e-4, atol=1e-4 * np.abs(inverse).max()
         )
 
 
 def test_singular_transforms_have_no_inverse() -> None:
-    assert _core.transform_inverse([[1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]) is None
+    assert _core_testing.transform_inverse([[1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]) is None

@@ -11,7 +11,7 @@ from reader_tools import error_of, messages, read
 from scene_tools import Settings, make_scene, rotation, scaling, translation
 from statistics_tools import generator
 
-from lajolla import _core
+from lajolla import _core, _core_testing
 from lajolla.scene.curve_files import read_hair, straightened
 from lajolla.scene.default_camera import default_camera
 
@@ -38,7 +38,7 @@ def rays_at(points: np.ndarray, spread: float, count: int, *name: object) -> tup
 
 
 def hits_of(shape: Settings, origins: np.ndarray, directions: np.ndarray) -> Arrays:
-    return _core.hit_many(make_scene(shapes=[shape]), origins, directions)
+    return _core_testing.hit_many(make_scene(shapes=[shape]), origins, directions)
 
 
 def to_local(points: np.ndarray) -> np.ndarray:
@@ -126,17 +126,17 @@ def test_rays_that_leave_a_straight_curve_do_not_meet_it_again(basis: str, scale
     points = [[*p[:3], p[3] * scale] for p in STRAIGHT[basis]]
     scene = make_scene(shapes=[curves(points, basis, matrix)])
     origins = (origins * scale).astype(np.float32)
-    hits = _core.hit_many(scene, origins, directions)
+    hits = _core_testing.hit_many(scene, origins, directions)
     met = hits["valid"]
     origins, directions, normal = origins[met], directions[met], hits["normal"][met]
     onward = generator("onward", basis, scale).normal(size=normal.shape)
     onward *= np.where((onward * normal).sum(1, keepdims=True) < 0, -1, 1)
     onward[::2] = (np.cross(normal, onward) + 1e-3 * normal)[::2]
     onward = (onward / np.linalg.norm(onward, axis=1, keepdims=True)).astype(np.float32)
-    starts = _core.leave_many(scene, origins, directions, onward)
-    assert not _core.hit_many(scene, starts, onward)["valid"].any()
-    inwards = _core.leave_many(scene, origins, directions, -onward)  # hit from outside only
-    assert not _core.hit_many(scene, inwards, -onward)["valid"].any()
+    starts = _core_testing.leave_many(scene, origins, directions, onward)
+    assert not _core_testing.hit_many(scene, starts, onward)["valid"].any()
+    inwards = _core_testing.leave_many(scene, origins, directions, -onward)  # hit from outside only
+    assert not _core_testing.hit_many(scene, inwards, -onward)["valid"].any()
 
 
 @pytest.mark.parametrize("plugin", ["linearcurve", "bsplinecurve"])
@@ -154,7 +154,7 @@ def test_hits_agree_with_mitsuba(plugin: str, tmp_path: Path) -> None:
     core = read(tmp_path, body).core
     points = np.asarray(core["shapes"][0]["curves"].points)[:, :3] @ core["shapes"][0]["to_world"][:3, :3].T
     origins, directions = rays_at(points, 0.3, 1500, "mitsuba", plugin)
-    hits = _core.hit_many(_core.Scene(core), origins, directions)
+    hits = _core_testing.hit_many(_core.Scene(core), origins, directions)
     scene = mi.load_string(f'<scene version="3.0.0"><integrator type="path"/>{body}</scene>')
     theirs = [
         scene.ray_intersect(mi.Ray3f(mi.Point3f(*map(float, o)), mi.Vector3f(*map(float, d))))
@@ -178,7 +178,7 @@ def test_curves_in_groups_are_scaled_as_a_whole() -> None:
         "integrator": {"type": "path"},
     }
     origins = np.array([[5, 0, 0.1]], np.float32)
-    hits = _core.hit_many(_core.Scene(description), origins, np.array([[-1, 0, 0]], np.float32))
+    hits = _core_testing.hit_many(_core.Scene(description), origins, np.array([[-1, 0, 0]], np.float32))
     np.testing.assert_allclose(hits["position"][0], [0.4, 0, 0.1], atol=1e-5)
 
 
@@ -333,7 +333,7 @@ def test_shining_curves_are_tubes(tmp_path: Path) -> None:
         assert any("mesh of tubes" in text for text in messages(description, tmp_path))
         scene = _core.Scene(description.core)
         origins, directions = rays_at(np.array([[1.5, 0.5, 0]]), 0.5, 2000, plugin)
-        hits = _core.hit_many(scene, origins, directions)
+        hits = _core_testing.hit_many(scene, origins, directions)
         assert hits["valid"].mean() > 0.05
         assert (hits["emitter"][hits["valid"]] == 0).all()
         outside = (hits["normal"] * directions).sum(1)[hits["valid"]] < 0

@@ -9,7 +9,7 @@ import pytest
 from scene_tools import BATCHES, Settings, make_scene, picture, scaling, t_margin, translation
 from statistics_tools import ROUNDING, SEED, TESTS, Z, generator, require, uniforms
 
-from lajolla import _core
+from lajolla import _core, _core_testing
 
 SAMPLES = 200_000
 BINS = 32
@@ -98,7 +98,7 @@ def test_every_filter_is_tested() -> None:
 
 @each_filter
 def test_weights_follow_the_formula(settings: Settings) -> None:
-    offset, weight = _core.filter_sample_many(settings, uniforms(generator(settings), SAMPLES, 2))
+    offset, weight = _core_testing.filter_sample_many(settings, uniforms(generator(settings), SAMPLES, 2))
     radius = radius_of(settings)
     assert np.isfinite(offset).all() and np.abs(offset).max() <= radius * (1 + 1e-6)
     share = np.diff(cumulative(settings, np.linspace(-radius, radius, BINS + 1)))
@@ -115,7 +115,7 @@ def test_weights_follow_the_formula(settings: Settings) -> None:
 
 @each_filter
 def test_unit_integral_and_symmetry(settings: Settings) -> None:
-    offset, weight = _core.filter_sample_many(settings, uniforms(generator(settings, 2), SAMPLES, 2))
+    offset, weight = _core_testing.filter_sample_many(settings, uniforms(generator(settings, 2), SAMPLES, 2))
     place = offset / radius_of(settings)
     require_mean(f"{settings}: integral", weight, 1)
     require_mean(f"{settings}: first moments", place * weight[:, None], 0)

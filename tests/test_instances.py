@@ -11,7 +11,7 @@ from scene_tools import Settings, box_mesh, make_scene, rotation, scaling, trans
 from statistics_tools import generator
 
 import lajolla
-from lajolla import _core
+from lajolla import _core, _core_testing
 from lajolla.scene import SceneError, describe
 from lajolla.scene.default_camera import default_camera
 
@@ -61,8 +61,8 @@ def test_hits_are_those_of_the_placed_shape(name: str, place: str) -> None:
     matrix = PLACES[place]
     plain = make_scene(shapes=[{**SHAPES[name], "to_world": matrix @ INNER}])
     origins, directions = rays_at(matrix, 2000, name, place)
-    expected = _core.hit_many(plain, origins, directions)
-    hits = _core.hit_many(instanced(SHAPES[name], matrix), origins, directions)
+    expected = _core_testing.hit_many(plain, origins, directions)
+    hits = _core_testing.hit_many(instanced(SHAPES[name], matrix), origins, directions)
     both = hits["valid"] & expected["valid"]
     assert (hits["valid"] == expected["valid"]).mean() > 0.995  # edges
     assert both.mean() > 0.2
@@ -97,7 +97,7 @@ def test_hits_are_those_of_the_placed_shape(name: str, place: str) -> None:
 def test_a_mirrored_group_keeps_its_outside() -> None:
     """Normals go through the inverse transpose, whatever the order of vertices is then."""
     origins, directions = rays_at(MIRRORED, 500, "outside")
-    hits = _core.hit_many(instanced(SHAPES["faces"], MIRRORED), origins, directions)
+    hits = _core_testing.hit_many(instanced(SHAPES["faces"], MIRRORED), origins, directions)
     met = hits["valid"]
     assert ((hits["normal"] * directions).sum(1)[met] < 0).all()
 
@@ -112,7 +112,7 @@ def test_a_stretched_sphere_is_an_ellipsoid() -> None:
         "integrator": {"type": "path"},
     }
     origins, directions = rays_at(scaling(a, b, c), 2000, "ellipsoid")
-    hits = _core.hit_many(_core.Scene(description), origins, directions)
+    hits = _core_testing.hit_many(_core.Scene(description), origins, directions)
     met = hits["valid"] & (np.abs((hits["normal"] * directions).sum(1)) > 0.02)
     p = hits["position"].astype(float)[met]
     np.testing.assert_allclose(((p / [a, b, c]) ** 2).sum(1), 1, atol=1e-5)
@@ -133,7 +133,7 @@ def test_rays_that_leave_a_convex_instance_do_not_meet_it_again(name: str, place
     )
     scene = instanced(shape, matrix)
     origins, directions = rays_at(matrix, 20_000, "leave", name, place)
-    hits = _core.hit_many(scene, origins, directions)
+    hits = _core_testing.hit_many(scene, origins, directions)
     met = hits["valid"]
     origins, directions, normals = origins[met], directions[met], hits["normal"][met]
     normals = normals * np.where((normals * directions).sum(1, keepdims=True) > 0, -1, 1)
@@ -142,8 +142,8 @@ def test_rays_that_leave_a_convex_instance_do_not_meet_it_again(name: str, place
     sideways = np.cross(normals, onward) + 1e-3 * normals
     onward[::2] = sideways[::2]
     onward = (onward / np.linalg.norm(onward, axis=1, keepdims=True)).astype(np.float32)
-    starts = _core.leave_many(scene, origins, directions, onward)
-    assert not _core.hit_many(scene, starts, onward)["valid"].any()
+    starts = _core_testing.leave_many(scene, origins, directions, onward)
+    assert not _core_testing.hit_many(scene, starts, onward)["valid"].any()
 
 
 @pytest.mark.parametrize(
@@ -216,7 +216,7 @@ def test_lights_in_groups_shine_at_every_place(tmp_path: Path) -> None:
     lights = [shape for shape in core["shapes"] if shape["emitter"] >= 0]
     assert [float(light["to_world"][0, 3]) for light in lights] == [2, 5]
     origins = np.array([[5, 0, 3]], np.float32)
-    hits = _core.hit_many(_core.Scene(core), origins, np.array([[0, 0, -1]], np.float32))
+    hits = _core_testing.hit_many(_core.Scene(core), origins, np.array([[0, 0, -1]], np.float32))
     assert hits["emitter"][0] == 1 and hits["normal"][0, 2] == 1
 
 
@@ -302,7 +302,7 @@ def test_the_camera_of_old_files_sees_instances() -> None:
 def test_a_group_without_shapes_is_harmless() -> None:
     scene = _core.Scene({"groups": [{"shapes": []}], "instances": [{"group": 0}]})
     origins, directions = rays_at(EVEN, 10, "nothing")
-    assert not _core.hit_many(scene, origins, directions)["valid"].any()
+    assert not _core_testing.hit_many(scene, origins, directions)["valid"].any()
 
 
 @pytest.mark.parametrize("scale", [1e-30, 1e-11, 1e-6, 1e6, 1e11, 1e30])
@@ -321,5 +321,5 @@ def test_extreme_placements_do_no_harm(name: str, scale: float) -> None:
             continue
         rng = generator("extreme", name, scale)
         origins = (rng.normal(size=(100, 3)) * 10 ** rng.uniform(-5, 18, (100, 1))).astype(np.float32)
-        _core.hit_many(scene, origins, rng.normal(size=(100, 3)).astype(np.float32))
-        _core.hit_many(scene, origins, -origins / np.linalg.norm(origins, axis=1, keepdims=True))
+        _core_testing.hit_many(scene, origins, rng.normal(size=(100, 3)).astype(np.float32))
+        _core_testing.hit_many(scene, origins, -origins / np.linalg.norm(origins, axis=1, keepdims=True))

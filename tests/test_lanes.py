@@ -27,7 +27,7 @@ from scene_tools import (
 from statistics_tools import ONE_MINUS_ULP, SEED, generator, uniforms
 from test_every_scene import FOLDER, scene_files
 
-from lajolla import _core
+from lajolla import _core, _core_testing
 from lajolla.render import Options, apply_options
 from lajolla.scene import load_description
 
@@ -60,8 +60,8 @@ def elementary(name: str, x: np.ndarray, y: np.ndarray | None = None) -> np.ndar
     """A function of the core, after a look at whether it is the same in lanes."""
     x = np.ascontiguousarray(x, np.float32)
     y = np.zeros_like(x) if y is None else np.ascontiguousarray(y, np.float32)
-    result = _core.elementary(name, x, y)
-    assert equal(result, _core.elementary(name, x, y, one_lane=True)), name
+    result = _core_testing.elementary(name, x, y)
+    assert equal(result, _core_testing.elementary(name, x, y, one_lane=True)), name
     return result
 
 
@@ -183,7 +183,7 @@ def directions(count: int, *key: object) -> np.ndarray:
 def test_bsdfs(name: str) -> None:
     """Counts fill the lanes of the last vector, or leave most of them off; numbers reach their bounds."""
     for settings in settings_of(name):
-        bsdf = _core.Bsdf(settings)
+        bsdf = _core_testing.Bsdf(settings)
         if not bsdf.wide:
             continue
         for count in (1, 7, 37, 200):

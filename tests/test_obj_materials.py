@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from reader_tools import error_of, messages, read
 
-from lajolla import _core
+from lajolla import _core, _core_testing
 from lajolla.scene import Description
 
 SQUARES = """mtllib {library}
@@ -209,7 +209,7 @@ def test_made_normals_are_those_of_mitsuba(plugin: str, flip: str, place: str, t
         targets = np.array([[0.2, 0.2, 0], [0.45, 0.5, 0], [0.8, 0.8, 0.3]]) @ matrix[:3, :3].T
         origins = np.add(targets, [0, 0, 9]).astype(np.float32)
         down = np.tile(np.array([[0, 0, -1]], np.float32), (3, 1))
-        hits = _core.hit_many(_core.Scene(core), origins, down)
+        hits = _core_testing.hit_many(_core.Scene(core), origins, down)
         scene = mi.load_string(f'<scene version="3.0.0"><integrator type="path"/>{body}</scene>')
         for i, origin in enumerate(origins):
             si = scene.ray_intersect(mi.Ray3f(mi.Point3f(*map(float, origin)), mi.Vector3f(0, 0, -1)))
@@ -237,5 +237,7 @@ def test_mirrored_spheres_are_inside_out_since_version_2(version: str, side: int
     place = "toWorld" if version < "2" else "to_world"
     body = f'<shape type="sphere"><transform name="{place}"><scale z="-1"/></transform></shape>'
     scene = _core.Scene(read(tmp_path, body, version).core)
-    hits = _core.hit_many(scene, np.array([[0, 0, 5]], np.float32), np.array([[0, 0, -1]], np.float32))
+    hits = _core_testing.hit_many(
+        scene, np.array([[0, 0, 5]], np.float32), np.array([[0, 0, -1]], np.float32)
+    )
     assert hits["normal"][0, 2] == side

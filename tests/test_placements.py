@@ -9,7 +9,7 @@ import pytest
 from reader_tools import read
 from statistics_tools import generator
 
-from lajolla import _core
+from lajolla import _core, _core_testing
 
 TURN = '<rotate x="1" angle="40"/><rotate y="1" angle="30"/>'
 PLACES = {
@@ -50,7 +50,7 @@ def test_hits_agree_with_mitsuba(name: str, place: str, flip: str, tmp_path: Pat
     origins = (targets + 8 * around / np.linalg.norm(around, axis=1, keepdims=True)).astype(np.float32)
     directions = targets - origins
     directions = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
-    hits = _core.hit_many(_core.Scene(read(tmp_path, body).core), origins, directions)
+    hits = _core_testing.hit_many(_core.Scene(read(tmp_path, body).core), origins, directions)
     theirs = [
         scene.ray_intersect(mi.Ray3f(mi.Point3f(*map(float, o)), mi.Vector3f(*map(float, d))))
         for o, d in zip(origins, directions, strict=True)

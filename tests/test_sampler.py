@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 from statistics_tools import LEVEL, chi_square, generator
 
-from lajolla import _core
+from lajolla import _core_testing
 
 KINDS = ("sobol", "independent")
 PAIRS = ((0, 1), (2, 3), (4, 5), (6, 7))
@@ -32,12 +32,12 @@ def block(
     bounce: ArrayLike = 0,
 ) -> np.ndarray:
     """The numbers (N, 8) of a bounce."""
-    return _core.sampler_bounces(kind, rows(seed, x, y, index, bounce))
+    return _core_testing.sampler_bounces(kind, rows(seed, x, y, index, bounce))
 
 
 def cameras(kind: str, *, seed: int, x: int, y: int, count: int) -> np.ndarray:
     """The camera's numbers (count, 6) of a pixel."""
-    return _core.sampler_cameras(kind, rows(seed, x, y, np.arange(count)))
+    return _core_testing.sampler_cameras(kind, rows(seed, x, y, np.arange(count)))
 
 
 def cells_of(points: np.ndarray, columns: int, rows: int) -> np.ndarray:
@@ -64,7 +64,7 @@ def test_lanes_hold_the_numbers_of_single_samples(kind: str, count: int) -> None
     whole, small = rng.integers(2**32, size=(count, 4)), rng.integers(64, size=(count, 5))
     for given in (np.column_stack([whole, small[:, 4]]), small):
         samples = given.astype(np.uint32)
-        for core, columns in ((_core.sampler_bounces, 5), (_core.sampler_cameras, 4)):
+        for core, columns in ((_core_testing.sampler_bounces, 5), (_core_testing.sampler_cameras, 4)):
             some = np.ascontiguousarray(samples[:, :columns])
             np.testing.assert_array_equal(core(kind, some), core(kind, some, one_lane=True))
 

@@ -12,7 +12,7 @@ from reader_tools import error_of, messages, read
 from scene_tools import Settings, make_scene, rotation, scaling, translation
 from statistics_tools import generator
 
-from lajolla import _core
+from lajolla import _core, _core_testing
 
 PLACE = translation(3, -2, 1) @ rotation((1, 2, 3), 40) @ scaling(2)
 
@@ -54,8 +54,8 @@ def test_a_sphere_of_distances() -> None:
     origins, directions = rays_at(PLACE, 4000, "sphere")
     values = distances((33, 41, 37))
     for normals, most in (("smooth", 0.05), ("analytic", 0.15)):
-        hits = _core.hit_many(make_scene(shapes=[sdf(values, normals=normals)]), origins, directions)
-        exact = _core.hit_many(
+        hits = _core_testing.hit_many(make_scene(shapes=[sdf(values, normals=normals)]), origins, directions)
+        exact = _core_testing.hit_many(
             make_scene(
                 shapes=[{"type": "sphere", "center": (0.5, 0.5, 0.5), "radius": 0.3, "to_world": PLACE}]
             ),
@@ -78,7 +78,7 @@ def test_hits_are_the_first_zeros_of_the_interpolant(matrix: np.ndarray) -> None
     """A rough surface, against sampling along the rays."""
     values = generator("rough").normal(size=(7, 5, 6)).astype(np.float32)
     origins, directions = rays_at(matrix, 2000, "rough", matrix.tobytes())
-    hits = _core.hit_many(make_scene(shapes=[sdf(values, matrix)]), origins, directions)
+    hits = _core_testing.hit_many(make_scene(shapes=[sdf(values, matrix)]), origins, directions)
     met = hits["valid"]
     assert met.mean() > 0.5
     p = to_cube(hits["position"].astype(float), matrix)
@@ -100,7 +100,7 @@ def test_rays_that_leave_a_ball_do_not_meet_it_again(scale: float) -> None:
     matrix = scaling(scale) @ PLACE
     scene = make_scene(shapes=[sdf(distances((17, 17, 17)), matrix, "analytic")])
     origins, directions = rays_at(matrix, 20_000, "leave", scale)
-    hits = _core.hit_many(scene, origins, directions)
+    hits = _core_testing.hit_many(scene, origins, directions)
     met = hits["valid"]
     origins, directions, normal = origins[met], directions[met], hits["normal"][met]
     assert ((normal * directions).sum(1) < 1e-3).all()
@@ -111,8 +111,8 @@ def test_rays_that_leave_a_ball_do_not_meet_it_again(scale: float) -> None:
     onward = onward * np.where((onward * normal).sum(1, keepdims=True) < 0, -1, 1) + 0.3 * normal
     onward = (onward / np.linalg.norm(onward, axis=1, keepdims=True)).astype(np.float32)
     steep = (onward * outward).sum(1) > 0.25  # the interpolant is not convex
-    starts = _core.leave_many(scene, origins, directions, onward)
-    assert not _core.hit_many(scene, starts, onward)["valid"][steep].any()
+    starts = _core_testing.leave_many(scene, origins, directions, onward)
+    assert not _core_testing.hit_many(scene, starts, onward)["valid"][steep].any()
 
 
 def vol(values: np.ndarray) -> bytes:
@@ -131,7 +131,7 @@ def test_hits_agree_with_mitsuba(normals: str, tmp_path: Path) -> None:
       <transform name="to_world"><scale x="2" y="3" z="1.5"/><translate x="1"/></transform></shape>"""
     core = read(tmp_path, body).core
     origins, directions = rays_at(core["shapes"][0]["to_world"], 800, "mitsuba", normals)
-    hits = _core.hit_many(_core.Scene(core), origins, directions)
+    hits = _core_testing.hit_many(_core.Scene(core), origins, directions)
     scene = mi.load_string(f'<scene version="3.0.0"><integrator type="path"/>{body}</scene>')
     theirs = [
         scene.ray_intersect(mi.Ray3f(mi.Point3f(*map(float, o)), mi.Vector3f(*map(float, d))))
@@ -161,14 +161,16 @@ def test_broken_grids(tmp_path: Path, values: np.ndarray, message: str) -> None:
 def test_an_empty_surface_is_not_seen() -> None:
     for values in (np.ones((4, 4, 4)), np.zeros((4, 4, 4))):
         scene = make_scene(shapes=[sdf(values.astype(np.float32))])
-        assert not _core.hit_many(scene, *rays_at(PLACE, 100, "empty"))["valid"].any()
+        assert not _core_testing.hit_many(scene, *rays_at(PLACE, 100, "empty"))["valid"].any()
 
 
 @pytest.mark.parametrize("unit", [1e-38, 1e30])
 def test_the_unit_of_distances_does_not_matter(unit: float) -> None:
     origins, directions = rays_at(PLACE, 500, "unit")
     plain, scaled = (
-        _core.hit_many(make_scene(shapes=[sdf(distances((9, 9, 9)) * np.float32(u))]), origins, directions)
+        _core_testing.hit_many(
+            make_scene(shapes=[sdf(distances((9, 9, 9)) * np.float32(u))]), origins, directions
+        )
         for u in (1, unit)
     )
     assert (plain["valid"] == scaled["valid"]).all()
@@ -201,7 +203,7 @@ def test_height_fields(tmp_path: Path) -> None:
         assert not messages(description, tmp_path)
         scene = _core.Scene(description.core)
         origins = np.array([[0.3, -0.4, 9], [-0.9, 0.9, 9], [1.1, 0, 9]], np.float32)
-        hits = _core.hit_many(scene, origins, np.tile(np.array([[0, 0, -1]], np.float32), (3, 1)))
+        hits = _core_testing.hit_many(scene, origins, np.tile(np.array([[0, 0, -1]], np.float32), (3, 1)))
         assert hits["valid"].tolist() == [True, True, False]
         at = origins[:2]
         np.testing.assert_allclose(hits["position"][:2, 2], 0.5 * at[:, 0] + at[:, 1], atol=1e-5)

@@ -21,7 +21,7 @@ from scene_tools import (
 from scipy import stats
 from statistics_tools import LEVEL, TESTS, chi_square, generator, require, uniforms
 
-from lajolla import _core
+from lajolla import _core_testing
 
 EXACT = 4e-6  # of the largest coordinate: what a few float32 operations leave
 CELLS = 8  # per axis of a chi-square test
@@ -95,7 +95,7 @@ def barycentric_points(shape: Settings, primitive: np.ndarray, b: np.ndarray) ->
 
 
 def sampled(lit: Lit, count: int = 20_000) -> Arrays:
-    return _core.shape_sample_many(lit.scene, 0, uniforms(generator("shape", lit.name), count, 3))
+    return _core_testing.shape_sample_many(lit.scene, 0, uniforms(generator("shape", lit.name), count, 3))
 
 
 def hits_on(lit: Lit, count: int = 2000) -> tuple[np.ndarray, np.ndarray, Arrays]:
@@ -108,7 +108,7 @@ def hits_on(lit: Lit, count: int = 2000) -> tuple[np.ndarray, np.ndarray, Arrays
     directions = targets - origins
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     origins, directions = origins.astype(np.float32), directions.astype(np.float32)
-    hits = _core.hit_many(lit.scene, origins, directions)
+    hits = _core_testing.hit_many(lit.scene, origins, directions)
     valid = hits["valid"]
     assert valid.mean() > 0.95  # rays towards an edge may miss
     return origins[valid], directions[valid], {k: v[valid] for k, v in hits.items()}
@@ -123,7 +123,7 @@ def test_sampled_points_are_where_rays_meet_the_shape(lit: Lit) -> None:
     s = sampled(lit, 5000)
     step = 0.01 * np.ptp(s["position"], axis=0).max()
     origins = s["position"] + np.float32(step) * s["normal"]
-    hits = _core.hit_many(lit.scene, origins, -s["normal"])
+    hits = _core_testing.hit_many(lit.scene, origins, -s["normal"])
     near = hits["valid"] & (np.abs(hits["distance"] - step) < 0.1 * step)
     assert near.mean() > 0.99  # at an edge a neighbour may be nearer
     error = EXACT * largest(s["position"])
@@ -140,7 +140,9 @@ def test_sampled_points_are_where_rays_meet_the_shape(lit: Lit) -> None:
 def test_sampled_points_are_uniform_by_area(lit: Lit) -> None:
     s = sampled(lit)
     shape = lit.shape
-    hits = _core.hit_many(lit.scene, s["position"] + s["position_error"][:, None] * s["normal"], -s["normal"])
+    hits = _core_testing.hit_many(
+        lit.scene, s["position"] + s["position_error"][:, None] * s["normal"], -s["normal"]
+    )
     coordinates = EQUAL_AREA[shape["type"]](s["barycentric"] if shape["type"] == "mesh" else hits["uv"])
     cell = np.clip(coordinates * CELLS, 0, CELLS - 1).astype(int) @ [CELLS, 1]
     counts = np.bincount(cell, minlength=CELLS**2)
@@ -208,7 +210,7 @@ def test_derivatives_are_those_of_the_parametrisation(lit: Lit) -> None:
     for sign in (1, -1):
         turned = directions + sign * nudge
         turned /= np.linalg.norm(turned, axis=1, keepdims=True)
-        sides.append(_core.hit_many(lit.scene, origins, turned.astype(np.float32)))
+        sides.append(_core_testing.hit_many(lit.scene, origins, turned.astype(np.float32)))
     after, before = sides
     kept = after["valid"] & before["valid"] & (after["primitive"] == before["primitive"])
     kept &= np.abs((directions * hits["normal"]).sum(1)) > 0.3
@@ -264,7 +266,7 @@ def test_ids_of_hits() -> None:
     materials = [{"front": 0}, {"front": 0}]
     scene = make_scene(shapes=shapes, emitters=[{"type": "area"}], materials=materials)
     directions = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0]], np.float32)
-    hits = _core.hit_many(scene, np.zeros((1, 3), np.float32), directions)
+    hits = _core_testing.hit_many(scene, np.zeros((1, 3), np.float32), directions)
     assert hits["valid"].tolist() == [True, True, False]
     assert hits["shape"][:2].tolist() == [0, 1]
     assert hits["material"][:2].tolist() == [1, 0]
@@ -309,16 +311,16 @@ def test_rays_that_leave_a_convex_object_do_not_meet_it_again(
     origins = (center + scale * rng.choice([3, 30, 300], (count, 1)) * around).astype(np.float32)
     directions = targets - origins
     directions = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
-    met = _core.hit_many(scene, origins, directions)["valid"]
+    met = _core_testing.hit_many(scene, origins, directions)["valid"]
     assert met.sum() > 1000
     origins, directions = origins[met], directions[met]
-    normals = facing(_core.hit_many(scene, origins, directions)["normal"], -directions)
+    normals = facing(_core_testing.hit_many(scene, origins, directions)["normal"], -directions)
     onward = facing(rng.normal(size=normals.shape), normals)
     sideways = np.cross(normals, onward) + 1e-3 * normals
     onward = np.where(rng.random((len(normals), 1)) < 0.5, sideways, onward)
     onward = (onward / np.linalg.norm(onward, axis=1, keepdims=True)).astype(np.float32)
-    starts = _core.leave_many(scene, origins, directions, onward)
-    assert not _core.hit_many(scene, starts, onward)["valid"].any()
+    starts = _core_testing.leave_many(scene, origins, directions, onward)
+    assert not _core_testing.hit_many(scene, starts, onward)["valid"].any()
 
 
 @each_placement

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 from statistics_tools import generator
 
-from lajolla import _core
+from lajolla import _core, _core_testing
 
 TO_WORLD = np.array([[1.2, 0.3, 0, -0.4], [-0.2, 0.9, 0.1, 0.3], [0.1, 0, 2.0, -1], [0, 0, 0, 1]])
 Array = np.ndarray
@@ -37,7 +37,7 @@ def volume(array: Array, **fields: object) -> dict[str, object]:
 
 
 def read(points: Array, array: Array, **fields: object) -> Array:
-    return _core.Media({"volumes": [volume(array, **fields)]}).volume_many(0, points)
+    return _core_testing.Media({"volumes": [volume(array, **fields)]}).volume_many(0, points)
 
 
 def reference(points: Array, array: Array, *, corners: bool, method: str = "linear") -> Array:
@@ -113,9 +113,9 @@ def test_impossible_grids_are_refused(array: Array) -> None:
         _core.Grid(array)
 
 
-def media(array: Array, **medium: object) -> _core.Media:
+def media(array: Array, **medium: object) -> _core_testing.Media:
     """One heterogeneous medium over a volume of extinction."""
-    return _core.Media(
+    return _core_testing.Media(
         {"volumes": [volume(array)], "media": [{"type": "heterogeneous", "sigma_t": {"volume": 0}, **medium}]}
     )
 
@@ -137,7 +137,7 @@ def test_negative_voxels_and_albedos_above_one_do_no_harm() -> None:
     array = voxels((4, 7, 5, 1)) - np.float32(0.5)
     albedo = volume(4 * voxels((3, 3, 3, 1)))
     medium = {"type": "heterogeneous", "sigma_t": {"volume": 0}, "albedo": {"volume": 1}}
-    found = _core.Media({"volumes": [volume(array), albedo], "media": [medium]}).coefficients_many(
+    found = _core_testing.Media({"volumes": [volume(array), albedo], "media": [medium]}).coefficients_many(
         0, positions("negative"), WO
     )
     assert all((found[name] >= 0).all() and np.isfinite(found[name]).all() for name in found)
@@ -192,7 +192,7 @@ def test_hostile_rays_end(direction: tuple[float, ...]) -> None:
 
 
 def test_constant_extinction_is_everywhere() -> None:
-    medium = _core.Media({"media": [{"type": "heterogeneous", "sigma_t": [1, 2, 3], "scale": 2}]})
+    medium = _core_testing.Media({"media": [{"type": "heterogeneous", "sigma_t": [1, 2, 3], "scale": 2}]})
     pieces = medium.majorants_along(0, np.array([0, 0, 0, 0, 0, 1, 0.5, np.inf], np.float32))
     np.testing.assert_array_equal(pieces, [[0.5, np.inf, 6]])
     found = medium.coefficients_many(0, 1e6 * positions("far"), WO)
@@ -212,7 +212,7 @@ def test_microflakes_change_the_extinction() -> None:
         "phases": [{"type": "sggx", "S": {"volume": 1}}],
         "media": [{"type": "heterogeneous", "sigma_t": {"volume": 0}, "phase": 0}],
     }
-    medium, points = _core.Media(description), positions("flakes", 500)
+    medium, points = _core_testing.Media(description), positions("flakes", 500)
     plain = media(voxels((4, 7, 5, 1))).coefficients_many(0, points, WO)
     for w in rng.normal(size=(5, 3)):
         wo = (w / np.linalg.norm(w)).astype(np.float32)
@@ -259,4 +259,4 @@ def test_microflakes_change_the_extinction() -> None:
 )
 def test_what_does_not_fit_is_refused(description: dict[str, object], message: str) -> None:
     with pytest.raises(_core.DescriptionError, match=message):
-        _core.Media(description)
+        _core_testing.Media(description)

@@ -6,6 +6,7 @@
 
 NB_MODULE(_core, m) {
     m.doc() = "The renderer's core.";
+    m.attr("isa") = LAJOLLA_ISA; // the build's instruction set
     nanobind::exception<lajolla::DescriptionError>(m, "DescriptionError", PyExc_ValueError).doc() =
         "A description that does not fit its model.";
     m.def(
@@ -17,5 +18,4 @@ NB_MODULE(_core, m) {
     lajolla::bind_grids(m);
     lajolla::bind_measurements(m);
     lajolla::bind_scene(m);
-    lajolla::bind_statistics(m);
 }

@@ -5,7 +5,6 @@
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
-#include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
 #include <memory>
@@ -43,17 +42,6 @@ std::tuple<float, float, float> replay_sample(const RenderableScene &self, std::
         sample_radiance(*self.scene, self.output.integrator, self.sequence, seed, {x, y, sample}, tracer);
     return {value.x, value.y, value.z};
 }
-
-// Recorded rays for bench/limit.
-struct RayRecording {
-    const RenderableScene &scene;
-    Recording rays;
-    std::size_t size() const {
-        std::size_t sum = 0;
-        for (const auto &tile : rays) sum += tile.size();
-        return sum;
-    }
-};
 
 } // namespace
 
@@ -112,23 +100,6 @@ void bind_scene(nb::module_ &m) {
                      "Samples that were NaN or infinite; they count as black.")
         .def_prop_ro("nonfinite_list", &Accumulator::nonfinite_list, "(x, y, sample) of the first of them.");
 
-    nb::class_<RayRecording>(m, "RayRecording", "The rays of a render, to be traced again without shading.")
-        .def("__len__", &RayRecording::size)
-        .def(
-            "replay",
-            [](const RayRecording &self, int threads) {
-                return replay_seconds(*self.scene.scene, self.rays, threads);
-            },
-            "threads"_a = 0, nb::call_guard<nb::gil_scoped_release>(),
-            "Seconds that the ray tracer alone takes.");
-    m.def(
-        "record_rays",
-        [](const RenderableScene &scene, std::uint32_t count, int threads) {
-            return std::make_unique<RayRecording>(
-                scene, record(*scene.scene, scene.output, {scene.sequence, scene.seed, 0, count, threads}));
-        },
-        "scene"_a, "count"_a, "threads"_a = 0, nb::keep_alive<0, 1>(),
-        nb::call_guard<nb::gil_scoped_release>(), "Renders `count` samples per pixel and keeps every ray.");
     m.def("sample_radiance", &replay_sample, "scene"_a, "seed"_a, "x"_a, "y"_a, "sample"_a,
           "Radiance (r, g, b) of one sample of one pixel; x and y count over the whole film.");
 }

@@ -1,6 +1,6 @@
 // Vectorised calls into lights, filters, shapes and hits of a scene, for the statistical tests.
 
-#include "python/bindings.h"
+#include "python/testing/bindings.h"
 
 #include <nanobind/stl/optional.h>
 

@@ -1,6 +1,6 @@
 // Vectorised calls into phase functions, volumes and media, for the statistical tests.
 
-#include "python/bindings.h"
+#include "python/testing/bindings.h"
 
 #include "engine/media.h"
 #include "python/arrays.h"

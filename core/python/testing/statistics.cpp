@@ -1,7 +1,7 @@
 // Vectorised calls into the parts that the statistical tests judge: one array in, one array out, no
 // statistics here.
 
-#include "python/bindings.h"
+#include "python/testing/bindings.h"
 
 #include <nanobind/stl/string.h>
 
@@ -375,8 +375,6 @@ void bind_statistics(nb::module_ &m) {
           "Frames s, t, n (N, 9) around unit normals whose s points along dp_du.");
     m.def("transform_inverse", &transform_inverse, nb::arg("matrix"),
           "The inverse of an affine 4x4 matrix, None where it is singular.");
-    bind_scene_statistics(m);
-    bind_media_statistics(m);
 }
 
 } // namespace lajolla
