@@ -4,6 +4,9 @@ include(CheckCXXSourceRuns)
 # the compiler's own choice.
 function(lajolla_instruction_sets result)
     set(found "${LAJOLLA_ISA}")
+    if(found STREQUAL "all" AND NOT CMAKE_SYSTEM_NAME STREQUAL "Linux") # where processor.py cannot choose
+        set(found native)
+    endif()
     if(found MATCHES "^(all|native)$" AND NOT CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64|amd64)$")
         set(found "")
     endif()

@@ -7,8 +7,11 @@ image = scene.render(seed=1)
 image.save("scene.exr")
 """
 
+from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from lajolla import processor
 
 if TYPE_CHECKING:
     from lajolla import _core as _core
@@ -43,8 +46,13 @@ _HOMES = {
     "SceneError": "scene",
 }
 
+with suppress(processor.LevelError):  # who asks for the core is told, not who asks for help
+    __path__ += processor.core_folders(__path__)
+
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401
+    if name == "_core":
+        processor.core_folders(__path__)  # raises LevelError where no build can be used
     if name in _MODULES:
         return import_module(f"lajolla.{name}")
     if name in _HOMES:

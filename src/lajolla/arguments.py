@@ -31,12 +31,14 @@ class Parser(argparse.ArgumentParser):
 
 
 class Version(argparse.Action):
-    """Prints the version and ends the program."""
+    """Prints the version and the core's instruction set, and ends the program."""
 
     def __call__(self, parser: argparse.ArgumentParser, *rest: object) -> NoReturn:
         from importlib.metadata import version  # takes as long as all else that --help needs
 
-        print("lajolla", version("lajolla"))
+        from lajolla import _core
+
+        print(f"lajolla {version('lajolla')} ({_core.isa})")
         parser.exit()
 
 

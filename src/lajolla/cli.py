@@ -39,7 +39,7 @@ def main(words: Sequence[str] | None = None) -> int:
         say("error: not enough memory")
     except BrokenPipeError:  # the reader of our output has seen enough, as in `lajolla list | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except OSError as error:
+    except (OSError, lajolla.processor.LevelError) as error:
         say(f"error: {error}")
     except KeyboardInterrupt as interrupt:
         say("interrupted; nothing was written")

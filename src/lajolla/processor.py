@@ -1,0 +1,77 @@
+"""Which build of the core runs: packages have one for each level of x86-64.
+
+The builds stand side by side in `levels/x86-64-v3/` and so on. The folder of the best one that the processor
+runs becomes part of the package's path; `lajolla._core` is found there as in a package with one build.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+
+VARIABLE = "LAJOLLA_ISA"  # the environment's: names a level to use instead
+
+# What each level needs beside the one before, as /proc/cpuinfo calls it (x86-64 psABI, table 3.1).
+LEVELS = {
+    "x86-64-v2": "cx16 lahf_lm pni popcnt sse4_1 sse4_2 ssse3",
+    "x86-64-v3": "abm avx avx2 bmi1 bmi2 f16c fma movbe xsave",
+    "x86-64-v4": "avx512bw avx512cd avx512dq avx512f avx512vl",
+}
+
+
+class LevelError(ImportError):
+    """No build of the core can be used."""
+
+
+def core_folders(package: Iterable[str]) -> list[str]:
+    """The folder to import the core from, where those of a package have more than one; otherwise none.
+
+    Raises:
+        LevelError: the processor runs no build, or not the one that the environment names.
+    """
+    builds = {
+        level: folder
+        for level in LEVELS
+        for root in package
+        if os.path.isdir(folder := os.path.join(root, "levels", level))
+    }
+    wanted = os.environ.get(VARIABLE, "")
+    if not builds and not wanted:
+        return []
+    return [builds[choose(list(builds), processor_flags(), wanted)]]
+
+
+def choose(levels: Sequence[str], flags: set[str], wanted: str = "") -> str:
+    """The best of these levels that a processor with these flags runs, or the one that is wanted.
+
+    Raises:
+        LevelError: there is none.
+    """
+    if wanted:
+        if wanted not in levels:
+            there = ", ".join(levels) or "one build, without a choice"
+            raise LevelError(f"{VARIABLE}={wanted}: this installation has {there}")
+        if lacking := _lacking(wanted, flags):
+            raise LevelError(f"{VARIABLE}={wanted}: this processor does not have {' '.join(lacking)}")
+        return wanted
+    runs = [level for level in levels if not _lacking(level, flags)]
+    if not runs:
+        lacking = " ".join(_lacking(levels[0], flags))
+        raise LevelError(
+            f"lajolla needs a processor of at least {levels[0]}; this one does not have {lacking}"
+        )
+    return runs[-1]
+
+
+def processor_flags() -> set[str]:
+    """The features of the processor that the system lets programs use."""
+    try:
+        with open("/proc/cpuinfo") as file:
+            return set(next((line for line in file if line.startswith("flags")), "").split())
+    except OSError:  # a sandbox that hides it: what any processor has
+        return set(LEVELS["x86-64-v2"].split())
+
+
+def _lacking(level: str, flags: set[str]) -> list[str]:
+    """What a processor with these flags does not have of a level."""
+    names = list(LEVELS)
+    needed = " ".join(LEVELS[name] for name in names[: names.index(level) + 1])
+    return [flag for flag in needed.split() if flag not in flags]
