@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 
 import lajolla
-from lajolla import cli, display, image
+from lajolla import _core, cli, display, image
 from lajolla.arguments import parse, replay_command
 from lajolla.render import Progress
 from lajolla.survey import Finding, survey
@@ -363,7 +364,7 @@ def test_help_and_version() -> None:
     assert shown.returncode == 0
     for command in ("render", "check", "compare", "list", "./lajolla test"):
         assert command in shown.stdout
-    assert run("--version").stdout.startswith("lajolla ")
+    assert run("--version").stdout == f"lajolla {version('lajolla')} ({_core.isa})\n"
 
 
 def test_a_closed_pipe_is_no_traceback() -> None:

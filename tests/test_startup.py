@@ -64,9 +64,13 @@ def test_imports_are_light(code: str, tmp_path: Path) -> None:
     assert loaded(code, HEAVY, tmp_path) == []
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--version"], ["render", "--help"]], ids=" ".join)
+@pytest.mark.parametrize("words", [["--help"], ["render", "--help"]], ids=" ".join)
 def test_help_loads_nothing(words: list[str], tmp_path: Path) -> None:
     assert loaded(RUN.format(words=words), HEAVY, tmp_path) == []
+
+
+def test_the_version_is_the_cores_too(tmp_path: Path) -> None:
+    assert loaded(RUN.format(words=["--version"]), HEAVY, tmp_path) == ["lajolla._core"]
 
 
 def test_mistakes_on_the_command_line_load_nothing(tmp_path: Path) -> None:

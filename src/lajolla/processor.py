@@ -5,7 +5,7 @@ runs becomes part of the package's path; `lajolla._core` is found there as in a 
 """
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 VARIABLE = "LAJOLLA_ISA"  # the environment's: names a level to use instead
 
@@ -21,22 +21,24 @@ class LevelError(ImportError):
     """No build of the core can be used."""
 
 
-def core_folders(package: Iterable[str]) -> list[str]:
-    """The folder to import the core from, where those of a package have more than one; otherwise none.
-
-    Raises:
-        LevelError: the processor runs no build, or not the one that the environment names.
-    """
-    builds = {
+def builds(package: Sequence[str]) -> dict[str, str]:
+    """The folder of each level that a package with these folders has; none where it has a single build."""
+    return {
         level: folder
         for level in LEVELS
         for root in package
         if os.path.isdir(folder := os.path.join(root, "levels", level))
     }
-    wanted = os.environ.get(VARIABLE, "")
-    if not builds and not wanted:
-        return []
-    return [builds[choose(list(builds), processor_flags(), wanted)]]
+
+
+def core_folders(package: Sequence[str]) -> list[str]:
+    """The folder to import the core from, where a package has several builds of it; otherwise none.
+
+    Raises:
+        LevelError: the processor runs no build, or not the one that the environment names.
+    """
+    there, wanted = builds(package), os.environ.get(VARIABLE, "")
+    return [there[choose(list(there), processor_flags(), wanted)]] if there or wanted else []
 
 
 def choose(levels: Sequence[str], flags: set[str], wanted: str = "") -> str:
@@ -47,7 +49,7 @@ def choose(levels: Sequence[str], flags: set[str], wanted: str = "") -> str:
     """
     if wanted:
         if wanted not in levels:
-            there = ", ".join(levels) or "one build, without a choice"
+            there = " ".join(levels) or "a single build"
             raise LevelError(f"{VARIABLE}={wanted}: this installation has {there}")
         if lacking := _lacking(wanted, flags):
             raise LevelError(f"{VARIABLE}={wanted}: this processor does not have {' '.join(lacking)}")
