@@ -92,7 +92,8 @@ inline constexpr bool are_wide<std::variant<Model...>> = (IsWide<Model> && ...);
 
 template <class Float, class Model, class Read>
 auto prepare_lobe(const Model &model, const Read &read) {
-    if constexpr (requires { model.template prepare<Float>(read); }) return model.template prepare<Float>(read);
+    if constexpr (requires { model.template prepare<Float>(read); })
+        return model.template prepare<Float>(read);
     else return model.prepare(read);
 }
 template <class Model, class Float>
