@@ -22,8 +22,7 @@ using Tensor = nb::ndarray<const float, nb::ndim<N>, nb::c_contig, nb::device::c
 SquareGrid grid_of(const auto &tensor, std::size_t rows) {
     if (std::max(tensor.shape(rows), tensor.shape(rows + 1)) > (1u << 20))
         throw std::invalid_argument("a measurement has at most a million nodes along an axis");
-    return {static_cast<std::uint32_t>(tensor.shape(rows + 1)),
-            static_cast<std::uint32_t>(tensor.shape(rows))};
+    return {static_cast<std::int32_t>(tensor.shape(rows + 1)), static_cast<std::int32_t>(tensor.shape(rows))};
 }
 
 std::vector<float> nodes_of(const auto &tensor) {
@@ -56,11 +55,8 @@ std::shared_ptr<Measurement> make_measurement(const Tensor<1> &phi, const Tensor
                           {grid_of(sigma, 0), densities_of(sigma)},
                           {grid_of(vndf, 2), densities_of(vndf)},
                           {grid_of(luminance, 2), densities_of(luminance)},
-                          {grid_of(colour, 2), {}},
+                          {grid_of(colour, 2), densities_of(colour)},
                           jacobian};
-    const std::vector<float> channels = densities_of(colour);
-    for (std::size_t i = 0; i < channels.size(); i += 3)
-        tables.colour.nodes.emplace_back(channels[i], channels[i + 1], channels[i + 2]);
     return std::make_shared<Measurement>(std::move(tables));
 }
 

@@ -17,6 +17,7 @@
 #include <array>
 #include <cstdint>
 #include <type_traits>
+#include <variant>
 
 #include "base/fields.h"
 #include "base/frame.h"
@@ -83,10 +84,16 @@ struct AnyReader {
 // A model whose lobes are templates over the number type.
 template <class Model>
 concept IsWide = requires(const Model &model) { model.template prepare<WideFloat>(AnyReader<WideFloat>()); };
+// Whether all models of a variant are.
+template <class>
+inline constexpr bool are_wide = false;
+template <class... Model>
+inline constexpr bool are_wide<std::variant<Model...>> = (IsWide<Model> && ...);
 
 template <class Float, class Model, class Read>
 auto prepare_lobe(const Model &model, const Read &read) {
-    if constexpr (IsWide<Model>) return model.template prepare<Float>(read);
+    if constexpr (requires { model.template prepare<Float>(read); })
+        return model.template prepare<Float>(read);
     else return model.prepare(read);
 }
 template <class Model, class Float>

@@ -48,12 +48,12 @@ struct Distinct<std::variant<Kept...>, Next, Rest...>
     : std::conditional_t<(std::is_same_v<Kept, Next> || ...), Distinct<std::variant<Kept...>, Rest...>,
                          Distinct<std::variant<Kept..., Next>, Rest...>> {};
 
-template <class>
+template <class, class Float>
 struct LobesOf;
-template <class... Model>
-struct LobesOf<std::variant<Model...>> {
+template <class... Model, class Float>
+struct LobesOf<std::variant<Model...>, Float> {
     static_assert((IsBsdf<Model> && ...) && ((sizeof(LobeOf<Model, float>) <= 96) && ...));
-    using type = Distinct<std::variant<>, LobeOf<Model, float>...>::type;
+    using type = Distinct<std::variant<>, LobeOf<Model, Float>...>::type;
 };
 
 template <class Variant, class Last>
@@ -64,12 +64,15 @@ struct With<std::variant<Models...>, Last> {
 };
 } // namespace detail
 
-using Coating = CoatingOf<BareBsdf, detail::LobesOf<BareBsdf>::type>;
+template <class Float>
+using BareLobe = detail::LobesOf<BareBsdf, Float>::type;
+
+using Coating = CoatingOf<BareBsdf, BareLobe>;
 using Bsdf = detail::With<BareBsdf, Coating>::type;
 
 // A prepared lobe of any model, at one hit.
-using Lobe = detail::With<detail::LobesOf<BareBsdf>::type, Coating::Lobe>::type;
-static_assert(IsBsdf<Coating> && sizeof(Coating::Lobe) <= 176);
+using Lobe = detail::With<BareLobe<float>, Coating::Lobe<float>>::type;
+static_assert(IsBsdf<Coating> && sizeof(Coating::Lobe<float>) <= 176);
 
 // These three are flattened, and take directions by reference: passing three floats by value through a call
 // that is not inlined costs a store-forwarding stall each.

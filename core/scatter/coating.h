@@ -13,7 +13,7 @@ namespace lajolla {
 // Layered Micro-Facet Surfaces": light refracts on its way in and out as at a smooth boundary, and what is
 // reflected back down within the layer is lost. `Base` is a variant of models, `BaseLobe` that of their
 // lobes.
-template <class Base, class BaseLobe>
+template <class Base, template <class> class BaseLobe>
 struct CoatingOf {
     static constexpr const char *name = "coating";
     static constexpr const char *doc = "A layer of varnish, clear or tinted, on another BSDF.";
@@ -42,131 +42,142 @@ struct CoatingOf {
         return {.anisotropic = below.anisotropic};
     }
 
+    template <class Float>
     struct Lobe {
-        Microfacet<float> surface;
+        Microfacet<Float> surface;
         float eta;
         const CosineTable *entering; // fraction of light that a rough layer lets through; none: it is smooth
-        Spectrum absorption;         // over the layer's thickness
-        Spectrum reflectance;        // tint of the layer
-        float specular_weight;       // in [0, 1], for the choice between layer and base
-        BaseLobe base;
+        Rgb<Float> absorption;       // over the layer's thickness
+        Rgb<Float> reflectance;      // tint of the layer
+        Float specular_weight;       // in [0, 1], for the choice between layer and base
+        BaseLobe<Float> base;
 
-        float roughness() const {
-            const float below = match(base, [](const auto &lobe) -> float { return lobe.roughness(); });
-            return entering ? std::max(surface.roughness(), below) : below;
+        Float roughness() const {
+            const Float below = match(base, [](const auto &lobe) -> Float { return lobe.roughness(); });
+            return entering ? max(surface.roughness(), below) : below;
         }
 
-        BsdfEval<float> eval(const Vec3f &wo, const Vec3f &wi) const {
-            if (wo.z <= 0 || wi.z <= 0) return {};
-            const Side o = side(wo), i = side(wi);
-            const float p = choice(o);
-            BsdfEval<float> result;
-            if (entering) {
-                const Vec3f m = normalize(wo + wi);
-                const float density = surface.visible(wo, m) / 4;
-                const float f = fresnel_dielectric(dot(wo, m), eta).reflectance;
-                result = {reflectance * (f * density * surface.masking(wi)), density * p};
-            }
-            if (o.inner.z <= 0 || i.inner.z <= 0) return result;
-            const BsdfEval<float> below = eval_base(o.inner, i.inner);
-            const float compression = wi.z / (sqr(eta) * i.inner.z); // of solid angles
-            result.f_cos += below.f_cos * passed(o, i) * compression;
-            result.pdf += below.pdf * (1 - p) * compression;
-            return result;
-        }
-
-        BsdfSample<float> sample(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
-            if (wo.z <= 0) return {};
+        BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
             const Side o = side(wo);
-            const float p = choice(o);
-            if (u_lobe < p) {
-                if (!entering) return mirrored(wo, o, p, u);
-                const Vec3f wi = reflect(wo, surface.sample_visible(wo, u));
-                return finished(wo, wi, surface.roughness());
-            }
-            if (o.inner.z <= 0) return {};
-            const float u_base = std::min((u_lobe - p) / (1 - p), one_minus_ulp);
-            const BsdfSample<float> below = sample_base(o.inner, u_base, u);
-            if (!below.valid || below.wi.z <= 0) return {};
-            if (below.delta && !entering) return mirrored(wo, o, p, u);
-            const Vec3f wi = outwards(below.wi);
-            if (wi.z <= 0) return {};
-            if (!below.delta) return finished(wo, wi, below.width);
-            const Spectrum weight = below.weight * passed(o, side(wi)) / (1 - p);
-            return {true, wi, weight, below.pdf * (1 - p), 1, true, below.width};
+            return select(wo.z > 0.0f && wi.z > 0.0f, eval_above(wo, wi, o, choice(o)), {});
+        }
+
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float u_lobe, const Vec2<Float> &u) const {
+            const Side o = side(wo);
+            const Float p = choice(o);
+            const auto at_layer = u_lobe < p;
+            BsdfSample<Float> below;
+            if (!entering || !all(at_layer)) below = sample_base(o.inner, rest(u_lobe, p), u);
+            const auto comes_back = o.inner.z > 0.0f && below.valid && below.wi.z > 0.0f,
+                       is_mirror = comes_back && below.delta;
+
+            Vec3<Float> wi = outwards(below.wi);
+            if (entering && any(at_layer))
+                wi = select(at_layer, reflect(wo, surface.sample_visible(wo, u)), wi);
+            const BsdfEval<Float> e = eval_above(wo, wi, o, p);
+            const BsdfSample<Float> scattered{.valid = wo.z > 0.0f && wi.z > 0.0f &&
+                                                       (at_layer || comes_back) && e.pdf > 1e-30f,
+                                              .wi = wi,
+                                              .weight = e.f_cos / e.pdf,
+                                              .pdf = e.pdf,
+                                              .width = select(at_layer, surface.roughness(), below.width)};
+            const auto mirrored = entering ? is_mirror && !at_layer : is_mirror || at_layer;
+            if (!any(mirrored)) return scattered;
+            return select(mirrored, mirror_image(wo, o, p, below, is_mirror), scattered);
         }
 
     private:
         // A direction outside, and what becomes of light that enters along it.
         struct Side {
-            Vec3f inner;   // z = 0 under total reflection
-            float through; // fraction
+            Vec3<Float> inner; // z = 0 under total reflection
+            Float through;     // fraction
         };
 
-        Side side(const Vec3f &w) const {
+        Side side(const Vec3<Float> &w) const {
             const auto [reflected, cos_t] = fresnel_dielectric(w.z, eta);
             return {{w.x / eta, w.y / eta, cos_t}, entering ? (*entering)(w.z) : 1 - reflected};
         }
-        Vec3f outwards(const Vec3f &inner) const {
-            const float x = inner.x * eta, y = inner.y * eta;
+        Vec3<Float> outwards(const Vec3<Float> &inner) const {
+            const Float x = inner.x * eta, y = inner.y * eta;
             return {x, y, safe_sqrt(1 - x * x - y * y)};
         }
-        Spectrum passed(const Side &o, const Side &i) const {
-            const float ways = 1 / o.inner.z + 1 / i.inner.z, through = o.through * i.through;
-            const auto left = [&](float a) { return a > 0 ? through * std::exp(-a * ways) : through; };
+        Rgb<Float> passed(const Side &o, const Side &i) const {
+            const Float ways = 1 / o.inner.z + 1 / i.inner.z, through = o.through * i.through;
+            const auto left = [&](Float a) { return through * select(a > 0.0f, exp(-a * ways), Float(1)); };
             return {left(absorption.x), left(absorption.y), left(absorption.z)};
         }
-        // The mirror image in a smooth layer, and with it that in a base which is a mirror, too: models
-        // choose their specular part by small u_lobe.
-        BsdfSample<float> mirrored(const Vec3f &wo, const Side &o, float p, const Vec2f &u) const {
-            Spectrum value = reflectance * (1 - o.through);
-            if (o.inner.z > 0)
-                if (const BsdfSample<float> below = sample_base(o.inner, 0, u); below.valid && below.delta) {
-                    value += below.weight * passed(o, o) * below.pdf;
-                    p += below.pdf * (1 - p);
-                }
-            return {true, {-wo.x, -wo.y, wo.z}, value / p, p, 1, true, 0};
-        }
         // The probability of sampling the layer.
-        float choice(const Side &o) const {
-            if (is_black(reflectance)) return 0;
-            const float above = (1 - o.through) * specular_weight, below = o.through * (1 - specular_weight);
-            return above + below > 0 ? above / (above + below) : 1;
+        Float choice(const Side &o) const {
+            const Float above = (1 - o.through) * specular_weight, below = o.through * (1 - specular_weight);
+            const Float p = select(above + below > 0.0f, above / (above + below), Float(1));
+            return select(is_black(reflectance), Float(0), p);
         }
-        BsdfSample<float> finished(const Vec3f &wo, const Vec3f &wi, float width) const {
-            const BsdfEval<float> e = eval(wo, wi);
-            if (!(e.pdf > 1e-30f)) return {};
-            return {true, wi, e.f_cos / e.pdf, e.pdf, 1, false, width};
+        // What is left of u_lobe for the base. For the layer's samples it is 0, with which models choose
+        // their mirror: its image is that of a smooth layer.
+        static Float rest(Float u_lobe, Float p) {
+            return clamp((u_lobe - p) / (1 - p), 0.0f, one_minus_ulp);
+        }
+
+        BsdfEval<Float> eval_above(const Vec3<Float> &wo, const Vec3<Float> &wi, const Side &o,
+                                   Float p) const {
+            BsdfEval<Float> result;
+            if (entering) {
+                const Vec3<Float> m = normalize(wo + wi);
+                const Float density = surface.visible(wo, m) / 4;
+                const Float f = fresnel_dielectric(dot(wo, m), eta).reflectance;
+                result = {reflectance * (f * density * surface.masking(wi)), density * p};
+            }
+            const Side i = side(wi);
+            const auto passes = o.inner.z > 0.0f && i.inner.z > 0.0f;
+            const BsdfEval<Float> below = eval_base(o.inner, i.inner);
+            const Float compression = wi.z / (sqr(eta) * i.inner.z); // of solid angles
+            result.f_cos += select(passes, below.f_cos * passed(o, i) * compression, {});
+            result.pdf += select(passes, below.pdf * (1 - p) * compression, Float(0));
+            return result;
+        }
+        // The mirror image in a base, where that is a mirror, together with that in a smooth layer.
+        BsdfSample<Float> mirror_image(const Vec3<Float> &wo, const Side &o, Float p,
+                                       const BsdfSample<Float> &below, BoolOf<Float> is_mirror) const {
+            Rgb<Float> value = select(is_mirror, below.weight * passed(o, o) * below.pdf, {});
+            Float chosen = select(is_mirror, below.pdf * (1 - p), Float(0));
+            if (!entering) {
+                value += reflectance * (1 - o.through);
+                chosen += p;
+            }
+            return {wo.z > 0.0f, {-wo.x, -wo.y, wo.z}, value / chosen, chosen, 1, true, 0};
         }
         // Not inlined: the code of all models once more would be large.
-        [[gnu::noinline]] BsdfEval<float> eval_base(const Vec3f &wo, const Vec3f &wi) const {
+        [[gnu::noinline]] BsdfEval<Float> eval_base(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
             return match(base, [&](const auto &lobe) { return lobe.eval(wo, wi); });
         }
-        [[gnu::noinline]] BsdfSample<float> sample_base(const Vec3f &wo, float u_lobe, const Vec2f &u) const {
+        [[gnu::noinline]] BsdfSample<Float> sample_base(const Vec3<Float> &wo, Float u_lobe,
+                                                        const Vec2<Float> &u) const {
             return match(base, [&](const auto &lobe) { return lobe.sample(wo, u_lobe, u); });
         }
     };
 
     void build();
 
-    Lobe prepare(const auto &read) const {
-        const Spectrum absorption = read(sigma_a) * thickness, tint = read(specular_reflectance);
-        const Spectrum left{std::exp(-2 * absorption.x), std::exp(-2 * absorption.y),
-                            std::exp(-2 * absorption.z)};
+    template <class Float>
+        requires(!is_wide<Float> || are_wide<Base>)
+    Lobe<Float> prepare(const auto &read) const {
+        const Rgb<Float> absorption = read(sigma_a) * thickness;
         return {{distribution, alpha, alpha},
                 int_ior / ext_ior,
                 alpha > 0 ? &entering_ : nullptr,
                 absorption,
-                tint,
-                1 / (1 + mean(left)),
-                match(base, [&](const auto &model) -> BaseLobe { return prepare_lobe<float>(model, read); })};
+                read(specular_reflectance),
+                1 / (1 + mean(exp(absorption * -2))),
+                match(base, [&](const auto &model) -> BaseLobe<Float> {
+                    return prepare_lobe<Float>(model, read);
+                })};
     }
 
 private:
     CosineTable entering_;
 };
 
-template <class Base, class BaseLobe>
+template <class Base, template <class> class BaseLobe>
 void CoatingOf<Base, BaseLobe>::build() {
     check_indices(int_ior, ext_ior);
     const bool clear = match(base, [](const auto &model) { return model.traits().transmissive; });

@@ -15,16 +15,15 @@ namespace lajolla {
 
 // Tables as the files have them. The x axis of squares is sqrt(2 theta / pi), the y axis (phi + pi) / (2 pi).
 struct MeasuredTables {
-    template <class T>
     struct Square {
         SquareGrid grid;
-        std::vector<T> nodes; // a slice after the other, each row by row
+        std::vector<float> nodes; // a slice after the other, each row by row
     };
     std::vector<float> phi, theta; // of the known direction; slices: theta runs first
-    Square<float> ndf, sigma;      // density of normals; projected area, by direction
-    Square<float> vndf, luminance; // of visible normals; of what was measured
-    Square<Spectrum> colour;
-    bool jacobian = true; // whether the colours are relative to the microfacet model
+    Square ndf, sigma;             // density of normals; projected area, by direction
+    Square vndf, luminance;        // of visible normals; of what was measured
+    Square colour;                 // three numbers a node
+    bool jacobian = true;          // whether the colours are relative to the microfacet model
 };
 
 class Measurement {
@@ -37,33 +36,29 @@ public:
 
     float roughness() const { return roughness_; }
 
-    BsdfEval<float> eval(Vec3f wo, Vec3f wi) const {
-        const Vec2f signs = folding(wo);
-        wo = folded(wo, signs);
-        wi = folded(wi, signs);
-        const Vec3f m = normalize(wo + wi);
-        const SliceMix blend = slices(wo);
-        const Vec2f p = square(m, isotropic_ ? azimuth(wo) : 0);
+    template <class Float>
+    BsdfEval<Float> eval(const Vec3<Float> &given_wo, const Vec3<Float> &given_wi) const {
+        const Vec2<Float> signs = folding(given_wo);
+        const Vec3<Float> wo = folded(given_wo, signs), wi = folded(given_wi, signs), m = normalize(wo + wi);
+        const SliceMix<Float> blend = slices(wo);
+        const Vec2<Float> p = square(m, isotropic_ ? azimuth(wo) : Float(0));
         const auto [s, visible] = vndf_.invert(p, blend);
-        const auto cell = tables_.colour.grid.cell(s);
-        const Spectrum colour = blend.mix([&](std::uint32_t slice) {
-            return tables_.colour.grid.value(tables_.colour.nodes, cell, slice);
-        });
         // d(wi) = 4 (wo.m) sin(theta) d(theta) d(phi), with theta = pi x^2 / 2 and phi = 2 pi y - pi
-        const float jacobian = 8 * sqr(pi) * dot(wo, m) * p.x * std::hypot(m.x, m.y);
-        return {colour * (tables_.jacobian ? microfacets(p, wo) : 1),
-                visible * luminance_.density(s, blend) / std::max(jacobian, 1e-15f)};
+        const Float jacobian = 8 * sqr(pi) * dot(wo, m) * p.x * hypot(m.x, m.y);
+        return {colour(s, blend) * (tables_.jacobian ? microfacets(p, wo) : Float(1)),
+                visible * luminance_.density(s, blend) / max(jacobian, Float(1e-15f))};
     }
 
     // A direction, perhaps below the surface.
-    Vec3f sample(Vec3f wo, Vec2f u) const {
-        const Vec2f signs = folding(wo);
-        wo = folded(wo, signs);
-        const SliceMix blend = slices(wo);
+    template <class Float>
+    Vec3<Float> sample(const Vec3<Float> &given_wo, const Vec2<Float> &u) const {
+        const Vec2<Float> signs = folding(given_wo);
+        const Vec3<Float> wo = folded(given_wo, signs);
+        const SliceMix<Float> blend = slices(wo);
         const auto [x, y] = vndf_.sample(luminance_.sample(u, blend).position, blend).position;
-        const float theta = sqr(x) * pi / 2, phi = (2 * y - 1) * pi + (isotropic_ ? azimuth(wo) : 0);
-        const Vec3f m{std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta)};
-        return folded(m * (2 * dot(wo, m)) - wo, signs);
+        const auto [sin_theta, cos_theta] = sine_cosine(sqr(x) * (pi / 2));
+        const auto [sin_phi, cos_phi] = sine_cosine((2 * y - 1) * pi + (isotropic_ ? azimuth(wo) : Float(0)));
+        return folded(reflect(wo, {sin_theta * cos_phi, sin_theta * sin_phi, cos_theta}), signs);
     }
 
 private:
@@ -73,46 +68,71 @@ private:
     float roughness_;
     SquareWarp vndf_, luminance_;
 
-    static float azimuth(Vec3f w) { return std::atan2(w.y, w.x); }
-    static float elevation(Vec3f w) { return std::atan2(std::hypot(w.x, w.y), w.z); }
+    template <class Float>
+    static Float azimuth(const Vec3<Float> &w) {
+        return atan2(w.y, w.x);
+    }
+    template <class Float>
+    static Float elevation(const Vec3<Float> &w) {
+        return atan2(hypot(w.x, w.y), w.z);
+    }
     // A direction in the unit square.
-    static Vec2f square(Vec3f w, float from) {
-        const float y = (azimuth(w) - from + pi) * (inv_pi / 2);
-        return {std::sqrt(elevation(w) * 2 * inv_pi), y - std::floor(y)};
+    template <class Float>
+    static Vec2<Float> square(const Vec3<Float> &w, Float from) {
+        const Float y = (azimuth(w) - from + pi) * (inv_pi / 2);
+        return {sqrt(elevation(w) * (2 * inv_pi)), y - floor(y)};
     }
 
     // The signs with which x and y are multiplied so that wo is where it was measured.
-    Vec2f folding(Vec3f wo) const {
-        const auto towards_negative = [](float v) { return std::signbit(v) ? 1.0f : -1.0f; };
-        if (fold_ == 2) return Vec2f(1, 1) * towards_negative(wo.y);
+    template <class Float>
+    Vec2<Float> folding(const Vec3<Float> &wo) const {
+        const auto towards_negative = [](Float v) { return select(as_int(v) < 0, Float(1), Float(-1)); };
+        if (fold_ == 2) return Vec2<Float>(1, 1) * towards_negative(wo.y);
         if (fold_ == 4) return {towards_negative(wo.x), towards_negative(wo.y)};
         return {1, 1};
     }
-    static Vec3f folded(Vec3f w, Vec2f signs) { return {w.x * signs.x, w.y * signs.y, w.z}; }
+    template <class Float>
+    static Vec3<Float> folded(const Vec3<Float> &w, const Vec2<Float> &signs) {
+        return {w.x * signs.x, w.y * signs.y, w.z};
+    }
 
-    SliceMix slices(Vec3f wo) const {
-        const Neighbours p = neighbours(tables_.phi, azimuth(wo)),
-                         t = neighbours(tables_.theta, elevation(wo));
-        const auto count = static_cast<std::uint32_t>(tables_.theta.size());
-        SliceMix blend;
-        blend.add(p.lower * count + t.lower, (1 - p.t) * (1 - t.t));
-        blend.add(p.lower * count + t.upper, (1 - p.t) * t.t);
-        blend.add(p.upper * count + t.lower, p.t * (1 - t.t));
-        blend.add(p.upper * count + t.upper, p.t * t.t);
+    template <class Float>
+    SliceMix<Float> slices(const Vec3<Float> &wo) const {
+        const auto p = neighbours(tables_.phi, azimuth(wo)), t = neighbours(tables_.theta, elevation(wo));
+        const auto count = static_cast<std::int32_t>(tables_.theta.size());
+        SliceMix<Float> blend;
+        const auto add = [&](IntOf<Float> row, Float share) {
+            blend.add(row * count + t.lower, share * (1 - t.t));
+            blend.add(row * count + t.upper, share * t.t);
+        };
+        add(p.lower, 1 - p.t);
+        if (tables_.phi.size() > 1) add(p.upper, p.t);
         return blend;
     }
 
-    // The microfacet model without Fresnel's factor and shadowing, by which measurements were divided.
-    float microfacets(Vec2f m, Vec3f wo) const {
-        const auto value = [](const auto &table, Vec2f p) {
-            return table.grid.value(table.nodes, table.grid.cell(p), 0);
+    template <class Float>
+    Rgb<Float> colour(const Vec2<Float> &s, const SliceMix<Float> &blend) const {
+        const float *const c = tables_.colour.nodes.data();
+        const auto cell = tables_.colour.grid.cell(s);
+        const auto node = [&](IntOf<Float> i) {
+            return Rgb<Float>(gather(c, 3 * i), gather(c + 1, 3 * i), gather(c + 2, 3 * i));
         };
-        const float sigma = value(tables_.sigma, square(wo, 0));
-        return sigma > 1e-6f ? value(tables_.ndf, m) / (4 * sigma) : 0;
+        return blend.mix([&](IntOf<Float> slice) { return tables_.colour.grid.value(cell, slice, node); });
+    }
+
+    // The microfacet model without Fresnel's factor and shadowing, by which measurements were divided.
+    template <class Float>
+    Float microfacets(const Vec2<Float> &m, const Vec3<Float> &wo) const {
+        const auto value = [](const MeasuredTables::Square &table, const Vec2<Float> &p) {
+            const auto node = [&](IntOf<Float> i) { return gather(table.nodes.data(), i); };
+            return table.grid.value(table.grid.cell(p), IntOf<Float>(0), node);
+        };
+        const Float sigma = value(tables_.sigma, square(wo, Float(0)));
+        return select(sigma > 1e-6f, value(tables_.ndf, m) / (4 * sigma), Float(0));
     }
 
     static void check(const MeasuredTables &t);
-    static float roughness_of(const MeasuredTables::Square<float> &ndf);
+    static float roughness_of(const MeasuredTables::Square &ndf);
 };
 
 inline void Measurement::check(const MeasuredTables &t) {
@@ -122,34 +142,39 @@ inline void Measurement::check(const MeasuredTables &t) {
     };
     if (!rising(t.phi) || !rising(t.theta))
         throw std::invalid_argument("the directions measured do not rise");
-    const auto require = [](const auto &table, std::size_t slices, const char *name) {
-        if (table.grid.width < 2 || table.grid.height < 2 || table.nodes.size() != slices * table.grid.size())
+    const auto require = [](const MeasuredTables::Square &table, std::size_t slices, const char *name) {
+        const auto width = static_cast<std::size_t>(table.grid.width),
+                   height = static_cast<std::size_t>(table.grid.height);
+        if (width < 2 || height < 2 || table.nodes.size() != slices * width * height)
             throw std::invalid_argument(std::string("\"") + name + "\" has an unexpected shape");
+        if (table.nodes.size() >= 1u << 31) // lanes count in 32 bits
+            throw std::invalid_argument(std::string("\"") + name + "\" has too many nodes");
     };
     require(t.ndf, 1, "ndf");
     require(t.sigma, 1, "sigma");
     const std::size_t slices = t.phi.size() * t.theta.size();
     require(t.vndf, slices, "vndf");
     require(t.luminance, slices, "luminance");
-    require(t.colour, slices, "colour");
+    require(t.colour, 3 * slices, "colour");
 }
 
 // Half of the area of a GGX surface has a slope below alpha: the median slope tells how wide the lobe is.
-inline float Measurement::roughness_of(const MeasuredTables::Square<float> &ndf) {
-    const std::uint32_t width = ndf.grid.width, height = ndf.grid.height;
+inline float Measurement::roughness_of(const MeasuredTables::Square &ndf) {
+    const auto width = static_cast<std::size_t>(ndf.grid.width),
+               height = static_cast<std::size_t>(ndf.grid.height);
     std::vector<float> below(width); // area of the facets up to the elevation of a column
-    const auto elevation_of = [&](std::uint32_t x) {
+    const auto elevation_of = [&](std::size_t x) {
         return sqr(static_cast<float>(x) / ndf.grid.columns()) * pi / 2;
     };
-    for (std::uint32_t x = 1; x < width; ++x) {
+    for (std::size_t x = 1; x < width; ++x) {
         const float theta = (elevation_of(x - 1) + elevation_of(x)) / 2;
         float sum = 0;
-        for (std::uint32_t y = 0; y < height; ++y)
-            sum += ndf.nodes[std::size_t{y} * width + x - 1] + ndf.nodes[std::size_t{y} * width + x];
+        for (std::size_t y = 0; y < height; ++y)
+            sum += ndf.nodes[y * width + x - 1] + ndf.nodes[y * width + x];
         below[x] = below[x - 1] + sum * std::sin(2 * theta) * (elevation_of(x) - elevation_of(x - 1));
     }
     const auto half = std::lower_bound(below.begin(), below.end() - 1, below.back() / 2);
-    const float theta = elevation_of(static_cast<std::uint32_t>(half - below.begin()));
+    const float theta = elevation_of(static_cast<std::size_t>(half - below.begin()));
     return std::clamp(std::sin(theta) / std::max(std::cos(theta), 1e-3f), 0.001f, 1.0f);
 }
 
@@ -164,26 +189,33 @@ struct Measured {
     }
     BsdfTraits traits() const { return {.anisotropic = true}; }
 
+    template <class Float>
     struct Lobe {
         const Measurement *measurement;
 
-        float roughness() const { return measurement != nullptr ? measurement->roughness() : 1; }
+        float roughness() const { return measurement ? measurement->roughness() : 1; }
 
-        BsdfEval<float> eval(const Vec3f &wo, const Vec3f &wi) const {
-            if (measurement == nullptr || wo.z <= 0 || wi.z <= 0) return {};
-            return measurement->eval(wo, wi);
+        BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+            if (!measurement) return {};
+            return select(wo.z > 0.0f && wi.z > 0.0f, measurement->eval(wo, wi), {});
         }
 
-        BsdfSample<float> sample(const Vec3f &wo, float, const Vec2f &u) const {
-            if (measurement == nullptr || wo.z <= 0) return {};
-            const Vec3f wi = measurement->sample(wo, u);
-            const BsdfEval<float> e = eval(wo, wi);
-            if (!(e.pdf > 1e-30f)) return {};
-            return {true, wi, e.f_cos / e.pdf, e.pdf, 1, false, roughness()};
+        BsdfSample<Float> sample(const Vec3<Float> &wo, Float, const Vec2<Float> &u) const {
+            if (!measurement) return {};
+            const Vec3<Float> wi = measurement->sample(wo, u);
+            const BsdfEval<Float> e = eval(wo, wi);
+            return {.valid = e.pdf > 1e-30f,
+                    .wi = wi,
+                    .weight = e.f_cos / e.pdf,
+                    .pdf = e.pdf,
+                    .width = roughness()};
         }
     };
 
-    Lobe prepare(const auto &) const { return {measurement.get()}; }
+    template <class Float>
+    Lobe<Float> prepare(const auto &) const {
+        return {measurement.get()};
+    }
 };
 
 } // namespace lajolla

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <span>
 #include <utility>
 #include <vector>
 
@@ -16,13 +15,13 @@
 namespace lajolla {
 
 // The members of a family between which a parameter lies, and their shares.
+template <class Float>
 struct SliceMix {
-    std::array<std::uint32_t, 4> slice{};
-    std::array<float, 4> share{};
+    std::array<IntOf<Float>, 4> slice;
+    std::array<Float, 4> share;
     std::size_t count = 0;
 
-    void add(std::uint32_t i, float s) {
-        if (!(s > 0)) return;
+    void add(IntOf<Float> i, Float s) {
         slice[count] = i;
         share[count++] = s;
     }
@@ -34,65 +33,92 @@ struct SliceMix {
     }
 };
 
+// The last of the `count` intervals of a rising function of whole numbers that begins below x.
+template <class Float>
+IntOf<Float> interval(std::int32_t count, Float x, auto &&f) {
+    IntOf<Float> low = 0, high = count;
+    while (any(high - low > 1)) {
+        const IntOf<Float> middle = (low + high) >> 1;
+        const auto below = f(middle) < x;
+        low = select(below, middle, low);
+        high = select(below, high, middle);
+    }
+    return low;
+}
+
 // Neighbours in a rising list of nodes; beyond its ends, the ends.
+template <class Float>
 struct Neighbours {
-    std::uint32_t lower, upper;
-    float t;
+    IntOf<Float> lower, upper;
+    Float t;
 };
 
-inline Neighbours neighbours(std::span<const float> nodes, float x) {
+template <class Float>
+Neighbours<Float> neighbours(const std::vector<float> &nodes, Float x) {
     if (nodes.size() == 1) return {0, 0, 0};
-    const auto above = std::lower_bound(nodes.begin() + 1, nodes.end() - 1, x);
-    const auto i = static_cast<std::uint32_t>(above - nodes.begin());
-    return {i - 1, i, std::clamp((x - nodes[i - 1]) / (nodes[i] - nodes[i - 1]), 0.0f, 1.0f)};
+    const auto node = [&](IntOf<Float> i) { return gather(nodes.data(), i); };
+    const IntOf<Float> i = interval(static_cast<std::int32_t>(nodes.size()) - 1, x, node);
+    return {i, i + 1, clamp((x - node(i)) / (node(i + 1) - node(i)), 0.0f, 1.0f)};
 }
 
 // The numbers of nodes of a grid over the unit square, at least two each way, and positions in it.
 struct SquareGrid {
-    std::uint32_t width = 2, height = 2;
+    std::int32_t width = 2, height = 2;
 
+    template <class Float>
     struct Cell {
-        std::uint32_t column, row;
-        Vec2f t; // position within
+        IntOf<Float> column, row;
+        Vec2<Float> t; // position within
     };
-    std::size_t size() const { return std::size_t{width} * height; }
-    float columns() const { return static_cast<float>(width - 1); }
-    float rows() const { return static_cast<float>(height - 1); }
-    Cell cell(Vec2f p) const {
-        const float x = std::clamp(p.x, 0.0f, 1.0f) * columns(), y = std::clamp(p.y, 0.0f, 1.0f) * rows();
-        const std::uint32_t column = std::min(static_cast<std::uint32_t>(x), width - 2),
-                            row = std::min(static_cast<std::uint32_t>(y), height - 2);
-        return {column, row, {x - static_cast<float>(column), y - static_cast<float>(row)}};
+    std::int32_t size() const { return width * height; }
+    float columns() const { return to_float(width - 1); }
+    float rows() const { return to_float(height - 1); }
+    template <class Float>
+    Cell<Float> cell(const Vec2<Float> &p) const {
+        const auto within = [](Float v) { return min(max(Float(0), v), Float(1)); }; // NaN is taken for 0
+        const Float x = within(p.x) * columns(), y = within(p.y) * rows();
+        const IntOf<Float> column = to_int(min(x, Float(columns() - 1))),
+                           row = to_int(min(y, Float(rows() - 1)));
+        return {column, row, {x - to_float(column), y - to_float(row)}};
     }
-    // The bilinear value in a cell of one slice after the other.
-    auto value(const auto &nodes, const Cell &c, std::uint32_t slice) const {
-        const auto *const n = nodes.data() + slice * size() + c.row * std::size_t{width} + c.column;
-        return lerp(c.t.y, lerp(c.t.x, n[0], n[1]), lerp(c.t.x, n[width], n[width + 1]));
+    // The bilinear value in a cell of one slice after the other, of node(index).
+    template <class Float>
+    auto value(const Cell<Float> &c, IntOf<Float> slice, auto &&node) const {
+        const IntOf<Float> n = slice * size() + c.row * width + c.column;
+        return lerp(c.t.y, lerp(c.t.x, node(n), node(n + 1)),
+                    lerp(c.t.x, node(n + width), node(n + width + 1)));
     }
 };
 
 class SquareWarp {
 public:
+    template <class Float>
     struct Placed {
-        Vec2f position;
-        float density; // at the place in the square of the family, whichever way it was mapped
+        Vec2<Float> position;
+        Float density; // at the place in the square of the family, whichever way it was mapped
     };
 
     // Slices of non-negative nodes, one after the other, of any scale. One that is zero everywhere counts as
     // even.
     SquareWarp(std::vector<float> nodes, SquareGrid grid)
         : grid_(grid), nodes_(std::move(nodes)), along_rows_(nodes_.size()),
-          rows_(nodes_.size() / grid.width) {
-        for (std::size_t first = 0; first < nodes_.size(); first += grid.size()) normalise(first);
+          rows_(nodes_.size() / static_cast<std::size_t>(grid.width)) {
+        const auto size = static_cast<std::size_t>(grid.size());
+        for (std::size_t first = 0; first < nodes_.size(); first += size) normalise(first);
     }
 
-    float density(Vec2f p, const SliceMix &blend) const {
+    template <class Float>
+    Float density(const Vec2<Float> &p, const SliceMix<Float> &blend) const {
         const auto cell = grid_.cell(p);
-        return blend.mix([&](std::uint32_t slice) { return grid_.value(nodes_, cell, slice); });
+        return blend.mix([&](IntOf<Float> slice) {
+            return grid_.value(cell, slice, [&](IntOf<Float> i) { return gather(nodes_.data(), i); });
+        });
     }
-    Placed sample(Vec2f u, const SliceMix &blend) const;
+    template <class Float>
+    Placed<Float> sample(const Vec2<Float> &u, const SliceMix<Float> &blend) const;
     // What sample() would have to be given for p.
-    Placed invert(Vec2f p, const SliceMix &blend) const;
+    template <class Float>
+    Placed<Float> invert(const Vec2<Float> &p, const SliceMix<Float> &blend) const;
 
 private:
     SquareGrid grid_;
@@ -101,36 +127,36 @@ private:
     std::vector<float> rows_;       // the integral of all up to the row
 
     void normalise(std::size_t first);
-    float row(std::uint32_t y, const SliceMix &blend) const {
-        return blend.mix([&](std::uint32_t s) { return rows_[std::size_t{s} * grid_.height + y]; });
+    template <class Float>
+    Float row(IntOf<Float> y, const SliceMix<Float> &blend) const {
+        return blend.mix([&](IntOf<Float> s) { return gather(rows_.data(), s * grid_.height + y); });
     }
-    float node(const std::vector<float> &table, std::uint32_t x, std::uint32_t y, const SliceMix &b) const {
-        return b.mix([&](std::uint32_t s) { return table[s * grid_.size() + y * grid_.width + x]; });
+    template <class Float>
+    Float node(const std::vector<float> &table, IntOf<Float> x, IntOf<Float> y,
+               const SliceMix<Float> &blend) const {
+        const IntOf<Float> at = y * grid_.width + x;
+        return blend.mix([&](IntOf<Float> s) { return gather(table.data(), s * grid_.size() + at); });
     }
     // The same, a fraction t of the way to the next row.
-    float between(const std::vector<float> &table, std::uint32_t x, std::uint32_t y, float t,
-                  const SliceMix &blend) const {
+    template <class Float>
+    Float between(const std::vector<float> &table, IntOf<Float> x, IntOf<Float> y, Float t,
+                  const SliceMix<Float> &blend) const {
         return lerp(t, node(table, x, y, blend), node(table, x, y + 1, blend));
     }
-    // The last of the `count` intervals of a rising function of whole numbers that begins below x.
-    static std::uint32_t interval(std::uint32_t count, float x, auto &&f) {
-        std::uint32_t low = 0, high = count;
-        while (high - low > 1) {
-            const std::uint32_t middle = (low + high) / 2;
-            (f(middle) < x ? low : high) = middle;
-        }
-        return low;
-    }
     // The integral of the line from a to b over [0, t], and the t where it is so much.
-    static float area(float t, float a, float b) { return t * lerp(t / 2, a, b); }
-    static float place(float area, float a, float b) {
-        const float divisor = a + safe_sqrt(a * a + 2 * area * (b - a));
-        return std::clamp(2 * area / std::max(divisor, std::numeric_limits<float>::min()), 0.0f, 1.0f);
+    template <class Float>
+    static Float area(Float t, Float a, Float b) {
+        return t * lerp(t / 2, a, b);
+    }
+    template <class Float>
+    static Float place(Float area, Float a, Float b) {
+        const Float divisor = a + safe_sqrt(a * a + 2 * area * (b - a));
+        return clamp(2 * area / max(divisor, Float(std::numeric_limits<float>::min())), 0.0f, 1.0f);
     }
 };
 
 inline void SquareWarp::normalise(std::size_t first) {
-    const std::size_t width = grid_.width, height = grid_.height;
+    const auto width = static_cast<std::size_t>(grid_.width), height = static_cast<std::size_t>(grid_.height);
     const auto accumulate = [&] {
         double above = 0, total = 0;
         for (std::size_t y = 0; y < height; ++y) {
@@ -146,44 +172,45 @@ inline void SquareWarp::normalise(std::size_t first) {
         }
         return total;
     };
-    const auto begin = nodes_.begin() + static_cast<std::ptrdiff_t>(first),
-               end = begin + static_cast<std::ptrdiff_t>(grid_.size());
+    const auto begin = nodes_.begin() + static_cast<std::ptrdiff_t>(first), end = begin + grid_.size();
     const double total = accumulate();
     if (total > 0) std::transform(begin, end, begin, [&](float v) { return static_cast<float>(v / total); });
     else std::fill(begin, end, 1.0f);
     accumulate();
 }
 
-inline SquareWarp::Placed SquareWarp::sample(Vec2f u, const SliceMix &blend) const {
+template <class Float>
+SquareWarp::Placed<Float> SquareWarp::sample(const Vec2<Float> &u, const SliceMix<Float> &blend) const {
     constexpr float margin = 0x1p-24f; // of the ends, where the density may be zero
-    const std::uint32_t last = grid_.width - 1;
-    const auto within = [&](float v) { return std::clamp(v, margin, 1 - margin); };
+    using Int = IntOf<Float>;
+    const Int last = grid_.width - 1;
+    const auto within = [&](Float v) { return clamp(v, margin, 1 - margin); };
 
-    const float y = within(u.y) * row(grid_.height - 1, blend);
-    const std::uint32_t r = interval(grid_.height - 1, y, [&](std::uint32_t i) { return row(i, blend); });
-    const float sum = node(along_rows_, last, r, blend), next = node(along_rows_, last, r + 1, blend);
-    const float ty = place((y - row(r, blend)) * grid_.rows(), sum, next);
+    const Float y = within(u.y) * row(Int(grid_.height - 1), blend);
+    const Int r = interval(grid_.height - 1, y, [&](Int i) { return row(i, blend); });
+    const Float sum = node(along_rows_, last, r, blend), next = node(along_rows_, last, r + 1, blend);
+    const Float ty = place((y - row(r, blend)) * grid_.rows(), sum, next);
 
-    const float x = within(u.x) * lerp(ty, sum, next);
-    const auto integral = [&](std::uint32_t i) { return between(along_rows_, i, r, ty, blend); };
-    const std::uint32_t c = interval(grid_.width - 1, x, integral);
-    const float left = between(nodes_, c, r, ty, blend), right = between(nodes_, c + 1, r, ty, blend);
-    const float tx = place((x - integral(c)) * grid_.columns(), left, right);
-    return {{(static_cast<float>(c) + tx) / grid_.columns(), (static_cast<float>(r) + ty) / grid_.rows()},
-            lerp(tx, left, right)};
+    const Float x = within(u.x) * lerp(ty, sum, next);
+    const auto integral = [&](Int i) { return between(along_rows_, i, r, ty, blend); };
+    const Int c = interval(grid_.width - 1, x, integral);
+    const Float left = between(nodes_, c, r, ty, blend), right = between(nodes_, c + 1, r, ty, blend);
+    const Float tx = place((x - integral(c)) * grid_.columns(), left, right);
+    return {{(to_float(c) + tx) / grid_.columns(), (to_float(r) + ty) / grid_.rows()}, lerp(tx, left, right)};
 }
 
-inline SquareWarp::Placed SquareWarp::invert(Vec2f p, const SliceMix &blend) const {
+template <class Float>
+SquareWarp::Placed<Float> SquareWarp::invert(const Vec2<Float> &p, const SliceMix<Float> &blend) const {
     const auto [c, r, t] = grid_.cell(p);
-    const std::uint32_t last = grid_.width - 1;
-    const float left = between(nodes_, c, r, t.y, blend), right = between(nodes_, c + 1, r, t.y, blend);
-    const float sum = node(along_rows_, last, r, blend), next = node(along_rows_, last, r + 1, blend);
-    const float x = between(along_rows_, c, r, t.y, blend) + area(t.x, left, right) / grid_.columns(),
+    const IntOf<Float> last = grid_.width - 1;
+    const Float left = between(nodes_, c, r, t.y, blend), right = between(nodes_, c + 1, r, t.y, blend);
+    const Float sum = node(along_rows_, last, r, blend), next = node(along_rows_, last, r + 1, blend);
+    const Float x = between(along_rows_, c, r, t.y, blend) + area(t.x, left, right) / grid_.columns(),
                 y = row(r, blend) + area(t.y, sum, next) / grid_.rows();
-    const auto fraction = [](float part, float whole) {
-        return whole > 0 ? std::clamp(part / whole, 0.0f, 1.0f) : 0.0f;
+    const auto fraction = [](Float part, Float whole) {
+        return select(whole > 0.0f, clamp(part / whole, 0.0f, 1.0f), Float(0));
     };
-    return {{fraction(x, lerp(t.y, sum, next)), fraction(y, row(grid_.height - 1, blend))},
+    return {{fraction(x, lerp(t.y, sum, next)), fraction(y, row(IntOf<Float>(grid_.height - 1), blend))},
             lerp(t.x, left, right)};
 }
 
