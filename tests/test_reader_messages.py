@@ -111,10 +111,6 @@ GOLDEN = {
         '    <spectrum name="reflectance" value="500:1, 400:1"/></bsdf></shape>\n'
         "                                        ^",
     ),
-    "an area light alone": (
-        '<emitter type="area"/>',
-        'scene.xml:3:1: error: an area light must stand inside a shape\n    <emitter type="area"/>\n    ^',
-    ),
     "an adapter without its material": (
         SPHERE.format('\n<bsdf type="twosided"/>'),
         'scene.xml:4:1: error: bsdf "twosided" needs one or two bsdfs inside\n'

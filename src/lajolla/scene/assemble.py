@@ -32,8 +32,10 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
             builder.diagnostics.unknown(f'a scene has no property "{prop.name}"', prop.name_location)
     for _, node in scene.children("shape"):
         _add_shape(builder, node)
+    _warn_of_unused_area_lights(builder, scene)
     for _, node in scene.children("emitter"):
-        _add_emitter(builder, node)
+        if node.plugin.lower() != "area":  # declared here for shapes that refer to it
+            _add_emitter(builder, node)
     _warn_of_several_environments(builder, scene)
     _warn_of_missing_attributes(builder)
     if not builder.emitters:
@@ -86,7 +88,7 @@ def _output(builder: Builder, integrator: Node) -> dict[str, Any]:
 
 def _only(builder: Builder, parent: Node, kind: str) -> Node | None:
     """The one child of a kind; of several the first, but the last sensor in files before 2.0."""
-    found = [node for _, node in parent.children(kind)]
+    found = parent.outermost(kind)
     if len(found) > 1 and kind == "sensor" and parent.version < (2, 0, 0):
         found.reverse()
     if len(found) > 1:
@@ -163,12 +165,17 @@ def _media(builder: Builder, shape: Node) -> dict[str, int]:
 
 
 def _add_emitter(builder: Builder, node: Node) -> None:
-    if node.plugin.lower() == "area":
-        raise SceneError("an area light must stand inside a shape", node.location)
     entries = builder.construct(node)
     for entry in entries if isinstance(entries, list) else [entries]:
         if entry is not None:
             builder.add("emitters", entry, node)
+
+
+def _warn_of_unused_area_lights(builder: Builder, scene: Node) -> None:
+    used = {inner for _, shape in scene.children("shape") for inner in shape.descendants()}
+    for _, node in scene.children("emitter"):
+        if node.plugin.lower() == "area" and node not in used:
+            builder.diagnostics.warn(f"no shape refers to {node}; it does not shine", node.location)
 
 
 def _warn_of_several_environments(builder: Builder, scene: Node) -> None:

@@ -258,21 +258,27 @@ def _counted(node: Node, properties: list[Property]) -> list[Property]:
     met: Counter[str] = Counter()
     result = []
     for prop in properties:
+        if not _has_use(node, prop):
+            continue
         kind = prop.value.kind if isinstance(prop.value, Node) else ""
         met[kind] += 1
         if kind in kinds and met[kind] > most:
-            continue
-        if node.kind == "shape" and not _has_use(node, prop):
             continue
         result.append(prop)
     return result
 
 
-def _has_use(shape: Node, prop: Property) -> bool:
-    """Whether a child of a shape has a meaning there, as when the scene is rendered."""
+def _has_use(node: Node, prop: Property) -> bool:
+    """Whether a child of a scene or a shape has a meaning there, as when the scene is rendered."""
     child = prop.value
-    if not isinstance(child, Node) or child.kind not in ("emitter", "medium"):
+    if not isinstance(child, Node):
+        return True
+    if node.kind == "scene" and child.kind in ("integrator", "sensor"):
+        return child in node.outermost(child.kind)
+    if node.kind == "scene":
+        return child.kind != "emitter" or child.plugin.lower() != "area"
+    if node.kind != "shape" or child.kind not in ("emitter", "medium"):
         return True
     if child.kind == "medium":
         return prop.name in ("interior", "exterior")
-    return child.plugin.lower() == "area" and shape.plugin.lower() not in NEVER_LIGHTS
+    return child.plugin.lower() == "area" and node.plugin.lower() not in NEVER_LIGHTS
