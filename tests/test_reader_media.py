@@ -286,3 +286,21 @@ def test_voxels_that_are_not_finite_are_zero(tmp_path: Path) -> None:
     description = read(tmp_path, SHAPE.format('type="heterogeneous">' + GRID.format("sigma_t", "a.vol", "")))
     assert len(messages(description, tmp_path)) == 1
     _core.Scene(description.core)
+
+
+def boxed(folder: Path, extinction: str, version: str = "3.0.0") -> Any:  # noqa: ANN401
+    """The place of the volume that a constant extinction becomes; None where it stays a constant."""
+    entry, description = medium(folder, f'type="heterogeneous">{extinction}', version)
+    if not isinstance(entry.get("sigma_t", {}), dict):
+        return None
+    return description.core["volumes"][entry["sigma_t"]["volume"]]["to_world"]
+
+
+def test_a_constant_extinction_ends_at_its_box(tmp_path: Path) -> None:
+    """Since version 2: that of a constvolume is placed, others fill the unit cube."""
+    volume = '<volume name="sigma_t" type="constvolume"><float name="value" value="2"/>{}</volume>'
+    placed = '<transform name="to_world"><scale value="2"/></transform>'
+    assert np.allclose(boxed(tmp_path, volume.format(placed)), np.diag([2, 2, 2, 1]))
+    for extinction in (volume.format(""), '<float name="sigma_t" value="2"/>', ""):
+        assert np.allclose(boxed(tmp_path, extinction), np.eye(4))
+    assert boxed(tmp_path, '<float name="density" value="2"/>', "0.6.0") is None

@@ -290,7 +290,7 @@ def _homogeneous(translator: Translator, read: Node, node: Node) -> Node | None:
     """Extinction and albedo, which are all that Mitsuba 3 takes."""
     entry = translator.builder.construct(read)
     kept = [p for p in node.properties if isinstance(p.value, Node) and p.value.kind == "phase"]
-    result = Node("medium", entry["type"], node.location, node.plugin_location, node.id, kept)
+    result = Node("medium", "homogeneous", node.location, node.plugin_location, node.id, kept)
     if entry["type"] == "heterogeneous":  # the albedo is a volume
         albedo, scale = node.find("albedo"), entry["scale"]
         value = albedo.value if albedo and isinstance(entry["albedo"], dict) else Rgb(entry["albedo"])
@@ -315,7 +315,10 @@ def _heterogeneous(translator: Translator, read: Node, node: Node) -> Node | Non
         value = volumes.get(name, getattr(node.find(name), "value", None))
         if isinstance(value, Rgb):
             volumes[name] = _constant_volume(node, value.values)
-    return _renamed(node, "heterogeneous", "density", "emission", **volumes)
+    # Before version 2, a constant extinction has no box to end at, which Mitsuba 3 gives to all but this one.
+    endless = not isinstance(translator.builder.construct(read).get("sigma_t"), dict)
+    plugin = "homogeneous" if endless else "heterogeneous"
+    return _renamed(node, plugin, "density", "emission", **volumes)
 
 
 def _grid_volume(translator: Translator, read: Node, node: Node) -> Node | None:
