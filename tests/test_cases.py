@@ -14,8 +14,11 @@ FOLDER = Path(__file__).resolve().parents[2] / "shared" / "cases"
 
 # Red, green and blue; where Mitsuba does not open a scene, by reasoning (see the README beside them).
 MEANS = {
+    "03-area-emitter-by-ref": (0.5594, 1.1187, 1.6781),
     "01-constvolume-to_world": (0.9148, 0.9268, 0.9408),
     "01b-same-as-gridvolume": (0.9148, 0.9268, 0.9408),
+    "06-polarizer-is-not-opaque": (0.5648, 0.5648, 0.5648),
+    "07-retarder-circular": (0.7824, 0.7824, 0.7824),
     "09-roughplastic-beckmann-true": (0.3595, 0.5220, 0.8345),
 }
 

@@ -24,7 +24,8 @@ HAS = {
     "rfilter": "box tent gaussian mitchell catmullrom lanczos",
     "sampler": "independent stratified multijitter orthogonal ldsampler",
     "bsdf": "diffuse dielectric thindielectric roughdielectric conductor roughconductor plastic roughplastic "
-    "twosided mask bumpmap normalmap blendbsdf null principled principledthin hair measured",
+    "twosided mask bumpmap normalmap blendbsdf null principled principledthin hair measured "
+    "polarizer retarder circular",
     "texture": "bitmap checkerboard mesh_attribute",
     "emitter": "area point constant envmap spot directional projector sunsky",
     "shape": "obj ply serialized sphere rectangle disk cylinder cube shapegroup instance sdfgrid "

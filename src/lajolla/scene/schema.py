@@ -53,7 +53,20 @@ HARMLESS = {
     "shape": ("name",),
     "medium": ("sample_emitters", "has_spectral_extinction", "method", "step_size"),
     "volume": ("raw", "accel", "max_value", "send_data"),
-    "integrator": ("samples_per_pass", "block_size", "timeout", "cache_dimension", "use_spectral_mis"),
+    "integrator": (
+        "samples_per_pass",
+        "block_size",
+        "timeout",
+        "cache_dimension",
+        "use_spectral_mis",
+        "sppc",  # this and the rest: how Mitsuba estimates derivatives
+        "sppp",
+        "sppi",
+        "guiding",
+        "guiding_proj",
+        "guiding_rounds",
+        "project_seed",
+    ),
 }
 
 
