@@ -416,3 +416,31 @@ def test_required_scene_reads_as_written(name: str, shared_scenes: Path) -> None
 
 def test_write_scene_is_valid(tmp_path: Path) -> None:
     assert load_description(write_scene(tmp_path, "")).core["shapes"] == []
+
+
+def test_files_are_sought_in_the_working_folder_at_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In any case and with either slash, as beside the scene, where a file of that name comes first."""
+    triangle = "v 0 0 0\nv {} 0 0\nv 0 1 0\nf 1 2 3\n"
+    here, there = tmp_path / "here", tmp_path / "there"
+    (here / "meshes").mkdir(parents=True)
+    there.mkdir()
+    (here / "meshes" / "Wall.obj").write_text(triangle.format(5))
+    (here / "part.xml").write_text('<scene version="3.0.0"><shape type="cube"/></scene>')
+    monkeypatch.chdir(here)
+    body = '<shape type="obj"><string name="filename" value="Meshes\\wall.OBJ"/></shape>'
+    core = read(there, body + '<include filename="part.xml"/>').core
+    assert len(core["shapes"]) == 2 and core["shapes"][0]["mesh"].vertices.max() == 5
+    assert describe(
+        {
+            "type": "scene",
+            "integrator": {"type": "path"},
+            "sensor": {"type": "perspective"},
+            "wall": {"type": "obj", "filename": "meshes/Wall.obj"},
+        },
+        base_path=there,
+    ).core["shapes"]
+    (there / "meshes").mkdir()
+    (there / "meshes" / "wall.obj").write_text(triangle.format(7))
+    assert read(there, body).core["shapes"][0]["mesh"].vertices.max() == 7

@@ -188,7 +188,7 @@ def test_missing_file_tells_where_it_was_sought(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     body = '<path value="meshes"/><shape type="obj"><string name="filename" value="no.obj"/></shape>'
     first_line = messages(read(tmp_path, body), tmp_path)[0].replace(str(tmp_path), "HERE")
-    sought = 'file "no.obj" not found; searched: HERE, meshes'
+    sought = 'file "no.obj" not found; searched: HERE, meshes, .'
     assert first_line == f'scene.xml:3:72: warning: {sought}; shape "obj" is left out'
     assert f"error: {sought.split(';')[0]}" in error_of(tmp_path, body, strict=True)
 
