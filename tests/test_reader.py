@@ -444,3 +444,76 @@ def test_files_are_sought_in_the_working_folder_at_last(
     (there / "meshes").mkdir()
     (there / "meshes" / "wall.obj").write_text(triangle.format(7))
     assert read(there, body).core["shapes"][0]["mesh"].vertices.max() == 7
+
+
+OLD_NAMES = """<shape type="sphere"><transform name="toWorld"><scale value="2"/></transform>
+    <bsdf type="roughdielectric"><float name="intIOR" value="1.2"/><float name="alphaU" value="0.3"/>
+        <boolean name="sampleVisible" value="true"/></bsdf></shape>"""
+
+
+def test_old_names_in_new_files_are_used_and_told(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    sensor = '<sensor type="perspective"><float name="nearClip" value="1"/><film type="hdrfilm"/></sensor>'
+    path.write_text(
+        '<scene version="3.0.0"><integrator type="path"><integer name="maxDepth" value="3"/></integrator>'
+        f"{sensor}{OLD_NAMES}</scene>"
+    )
+    description = load_description(path)
+    core = description.core
+    assert core["integrator"]["max_depth"] == 3 and core["sensor"]["near_clip"] == 1
+    assert core["shapes"][0]["to_world"][0][0] == 2
+    assert (core["bsdfs"][0]["int_ior"], core["bsdfs"][0]["alpha_u"]) == (1.2, 0.3)
+    told = " ".join(w.message for w in description.warnings)
+    for name in ("maxDepth", "nearClip", "toWorld", "intIOR", "alphaU"):
+        assert f'"{name}" of ' in told
+    assert "sampleVisible" not in told  # changes nothing
+    assert '"maxDepth" of integrator "path" is the name of before version 2 of "max_depth"' in told
+    with pytest.raises(SceneError, match="maxDepth"):
+        load_description(path, strict=True)
+
+
+def test_old_names_do_not_beat_new_ones(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    both = '<integer name="maxDepth" value="3"/><integer name="max_depth" value="5"/>'
+    path.write_text(
+        f'<scene version="3.0.0"><integrator type="path">{both}</integrator>'
+        '<sensor type="perspective"/></scene>'
+    )
+    description = load_description(path)
+    assert description.core["integrator"]["max_depth"] == 5
+    assert 'no use for the property "maxDepth"' in " ".join(w.message for w in description.warnings)
+
+
+def test_old_names_in_dicts(tmp_path: Path) -> None:
+    description = describe(
+        {"type": "scene", "integrator": {"type": "path", "maxDepth": 3}, "sensor": {"type": "perspective"}}
+    )
+    assert description.core["integrator"]["max_depth"] == 3 and "maxDepth" in str(description.warnings[0])
+
+
+HARMLESS = {
+    "film": '<film type="hdrfilm"><boolean name="high_quality_edges" value="true"/>'
+    '<boolean name="sample_border" value="true"/><boolean name="banner" value="false"/></film>',
+    "shape": '<shape type="sphere"><float name="silhouette_sampling_weight" value="2"/></shape>',
+    "emitter": '<emitter type="constant"><float name="sampling_weight" value="2"/></emitter>',
+    "integrator": '<integrator type="path"><integer name="block_size" value="32"/></integrator>',
+    "bsdf": '<shape type="sphere"><bsdf type="plastic"><float name="specularSamplingWeight" value="0.5"/>'
+    "</bsdf></shape>",
+    "medium": '<shape type="sphere"><medium name="interior" type="homogeneous">'
+    '<string name="strategy" value="single"/></medium></shape>',
+    "texture": '<shape type="sphere"><bsdf type="diffuse"><texture type="checkerboard" name="reflectance">'
+    '<boolean name="accel" value="true"/></texture></bsdf></shape>',
+}
+
+
+@pytest.mark.parametrize("version", ["0.6.0", "3.0.0"])
+@pytest.mark.parametrize("kind", HARMLESS)
+def test_what_changes_nothing_is_not_told(kind: str, version: str, tmp_path: Path) -> None:
+    content = HARMLESS[kind]
+    parts = {"integrator": '<integrator type="path"/>', "emitter": '<emitter type="constant"/>'}
+    frame = "".join(part for other, part in parts.items() if other != kind)
+    inside = content if kind == "film" else ""
+    body = f'{frame}<sensor type="perspective">{inside}</sensor>{"" if inside else content}'
+    path = tmp_path / "scene.xml"
+    path.write_text(f'<scene version="{version}">{body}</scene>')
+    assert load_description(path, strict=True).warnings == []

@@ -160,7 +160,9 @@ def describe(
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
     builder = Builder(_core, Diagnostics(strict), [base], two_sided, integrator)
-    return _describe(nodes_from_dict(scene_dict, base, builder.table), builder)
+    tree = nodes_from_dict(scene_dict, base, builder.table)
+    upgrade(tree.nodes, builder.table, builder.diagnostics)
+    return _describe(tree, builder)
 
 
 def plugins() -> dict[str, dict[str, Any]]:
@@ -178,7 +180,7 @@ def _read(path: Path, parameters: Mapping[str, str], strict: bool) -> tuple[Tree
     document = expand_file(path, parameters, diagnostics)
     tree = nodes_from_elements(document.root, diagnostics)
     builder = Builder(_core, diagnostics, document.search_paths)
-    upgrade(tree.nodes, builder.table)
+    upgrade(tree.nodes, builder.table, diagnostics)
     return tree, builder
 
 
