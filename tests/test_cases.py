@@ -20,6 +20,7 @@ MEANS = {
     "06-polarizer-is-not-opaque": (0.5648, 0.5648, 0.5648),
     "07-retarder-circular": (0.7824, 0.7824, 0.7824),
     "09-roughplastic-beckmann-true": (0.3595, 0.5220, 0.8345),
+    "batch": (0.8476, 0.8476, 0.8476),
 }
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from . import cameras
 from .build import Builder
 from .default_camera import default_camera
 from .errors import SceneError, did_you_mean
@@ -40,7 +41,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     _warn_of_missing_attributes(builder)
     if not builder.emitters:
         _add_missing_light(builder, scene)
-    sensor = _only(builder, scene, "sensor")
+    sensor = cameras.chosen(builder, scene)
     camera = _one(builder, sensor) if sensor else _missing_sensor(builder, scene)
     sensor = sensor or _implied(scene, "sensor", "perspective")
     inside = _only(builder, sensor, "medium")
@@ -87,10 +88,8 @@ def _output(builder: Builder, integrator: Node) -> dict[str, Any]:
 
 
 def _only(builder: Builder, parent: Node, kind: str) -> Node | None:
-    """The one child of a kind; of several the first, but the last sensor in files before 2.0."""
+    """The one child of a kind; of several the first."""
     found = parent.outermost(kind)
-    if len(found) > 1 and kind == "sensor" and parent.version < (2, 0, 0):
-        found.reverse()
     if len(found) > 1:
         message = f"{parent.kind} has {len(found)} of kind {kind}; only this one counts"
         builder.diagnostics.warn(message, found[0].location)
@@ -134,9 +133,7 @@ def _default_integrator(builder: Builder, scene: Node) -> Node:
 
 def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
     """In files before 2.0 a camera that sees everything; newer files must have one."""
-    if scene.version >= (2, 0, 0):
-        raise SceneError("the scene has no sensor", scene.location)
-    builder.diagnostics.warn("the scene has no sensor; one that sees everything is added", scene.location)
+    cameras.tell_of_none(builder, scene)
     return default_camera(builder.shapes, builder.groups, builder.instances)
 
 

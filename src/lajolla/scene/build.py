@@ -73,6 +73,7 @@ class Builder:
     search_paths: list[Path]
     two_sided: bool = False
     integrator: str | None = None  # in place of the scene's
+    sensor: str | int | None = None  # which one of several, by id or number
     table: Mapping[str, Mapping[str, Plugin]] = field(default_factory=plugins_by_kind)
     textures: list[dict[str, Any]] = field(default_factory=list)
     bsdfs: list[dict[str, Any]] = field(default_factory=list)

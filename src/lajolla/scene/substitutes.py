@@ -30,6 +30,7 @@ SUBSTITUTES = {
         "direct_projective": "direct",
         "prbvolpath": "volpath",
     },
+    "sensor": {"batch": NESTED},  # those of a scene are taken apart before
     "emitter": {"timed_sunsky": "sunsky"},
     "film": {"specfilm": "hdrfilm"},
     "sampler": {"independent": "independent"},
