@@ -23,7 +23,7 @@ def told(folder: Path, body: str, version: str = "3.0.0") -> tuple[Description, 
 
 PLATES = {
     "polarizer": (0.5, '<float name="theta" value="20"/><boolean name="polarizing" value="false"/>'),
-    "circular": (0.5, '<float name="theta" value="20"/><boolean name="left_handed" value="true"/>'),
+    "circular": (0.5, '<boolean name="left_handed" value="true"/>'),
     "retarder": (1.0, '<float name="theta" value="20"/><float name="delta" value="45"/>'),
 }
 

@@ -198,12 +198,9 @@ def _coated(
     return made[material]
 
 
-PLATE = (
-    Field("transmittance", "texture_spectrum", "what is not absorbed", 1.0, 0.0, 1.0),
-    Field(
-        "theta", "texture_float", "angle of the axis; no difference without polarisation", 0.0, unit="degrees"
-    ),
-)
+CLEAR = Field("transmittance", "texture_spectrum", "what is not absorbed", 1.0, 0.0, 1.0)
+THETA = Field("theta", "texture_float", "angle of the axis; no difference without polarisation", 0.0)
+HALF = "A {} polariser: half of the light passes."
 RETARDANCE = Field("delta", "texture_float", "retardance; no difference", 90.0, unit="degrees")
 POLARIZING = Field("polarizing", "boolean", "no difference", True)
 LEFT_HANDED = Field("left_handed", "boolean", "no difference", False)
@@ -228,10 +225,8 @@ PLUGINS = (
         "coating",
         ("base",),
     ),
-    Plugin("bsdf", "polarizer", "A linear polariser: half of the light.", (*PLATE, POLARIZING), _filter(0.5)),
-    Plugin(
-        "bsdf", "circular", "A circular polariser: half of the light.", (*PLATE, LEFT_HANDED), _filter(0.5)
-    ),
-    Plugin("bsdf", "retarder", "A retarder plate: clear.", (*PLATE, RETARDANCE), _filter(1.0)),
+    Plugin("bsdf", "polarizer", HALF.format("linear"), (CLEAR, THETA, POLARIZING), _filter(0.5)),
+    Plugin("bsdf", "circular", HALF.format("circular"), (CLEAR, LEFT_HANDED), _filter(0.5)),
+    Plugin("bsdf", "retarder", "A retarder plate: clear.", (CLEAR, THETA, RETARDANCE), _filter(1.0)),
     Plugin("bsdf", "mixturebsdf", "A mixture of bsdfs.", (WEIGHTS,), _mixture, ("bsdf",)),
 )
