@@ -510,7 +510,7 @@ HARMLESS = {
 @pytest.mark.parametrize("kind", HARMLESS)
 def test_what_changes_nothing_is_not_told(kind: str, version: str, tmp_path: Path) -> None:
     content = HARMLESS[kind]
-    parts = {"integrator": '<integrator type="path"/>', "emitter": '<emitter type="constant"/>'}
+    parts = {"integrator": '<integrator type="volpath"/>', "emitter": '<emitter type="constant"/>'}
     frame = "".join(part for other, part in parts.items() if other != kind)
     inside = content if kind == "film" else ""
     body = f'{frame}<sensor type="perspective">{inside}</sensor>{"" if inside else content}'

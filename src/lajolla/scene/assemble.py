@@ -11,6 +11,7 @@ from . import cameras
 from .build import Builder
 from .default_camera import default_camera
 from .errors import SceneError, did_you_mean
+from .inside import is_inside
 from .instances import add_instance
 from .nodes import Node, Property, Rgb
 from .outputs import description_of, repeated
@@ -19,6 +20,7 @@ from .schema import BLACK, Slot
 
 ENVIRONMENTS = ("envmap", "constant", "sky", "sunsky")
 NEVER_LIGHTS = ("sdfgrid",)
+WITHOUT_MEDIA = ("path", "direct")
 
 
 def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
@@ -50,6 +52,8 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     film = _only(builder, sensor, "film") or _implied(sensor, "film", "hdrfilm")
     size = _one(builder, film)
     rfilter = _only(builder, film, "rfilter") or _implied(film, "rfilter", _default_filter(film))
+    output = _output(builder, _integrator(builder, scene))
+    _warn_of_unseen_media(builder, output["integrator"]["type"], camera, sensor)
     return {
         "textures": builder.textures,
         "bsdfs": builder.bsdfs,
@@ -66,7 +70,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
         "film": size,
         "rfilter": _one(builder, rfilter),
         "sampler": _one(builder, _only(builder, sensor, "sampler") or _implied(sensor, "sampler", "sobol")),
-        **_output(builder, _integrator(builder, scene)),
+        **output,
     }
 
 
@@ -135,6 +139,26 @@ def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
     """In files before 2.0 a camera that sees everything; newer files must have one."""
     cameras.tell_of_none(builder, scene)
     return default_camera(builder.shapes, builder.groups, builder.instances)
+
+
+def _warn_of_unseen_media(builder: Builder, integrator: str, camera: dict[str, Any], sensor: Node) -> None:
+    """Media that the integrator passes over, and one that the camera stands in without a word about it."""
+    if not builder.media:
+        return
+    if integrator in WITHOUT_MEDIA:
+        message = f'the integrator "{integrator}" does not see the media of this scene; "volpath" does'
+        builder.diagnostics.warn(message, builder.places["integrator"])
+        return
+    if camera.get("medium", -1) >= 0 or camera["type"] == "orthographic":
+        return
+    eye = np.asarray(camera.get("to_world", np.eye(4)), float)[:3, 3]
+    for i, shape in enumerate(builder.shapes):
+        if shape.get("interior", -1) >= 0 and is_inside(shape, eye):
+            message = (
+                f"the camera stands in the medium of this shape, but {sensor} names none: it starts outside"
+            )
+            builder.diagnostics.warn(message, builder.places[f"shapes[{i}]"])
+            return
 
 
 def _warn_of_missing_attributes(builder: Builder) -> None:
