@@ -499,7 +499,7 @@ HARMLESS = {
     "integrator": '<integrator type="path"><integer name="block_size" value="32"/></integrator>',
     "bsdf": '<shape type="sphere"><bsdf type="plastic"><float name="specularSamplingWeight" value="0.5"/>'
     "</bsdf></shape>",
-    "medium": '<shape type="sphere"><medium name="interior" type="homogeneous">'
+    "medium": '<shape type="rectangle"><medium name="interior" type="homogeneous">'
     '<string name="strategy" value="single"/></medium></shape>',
     "texture": '<shape type="sphere"><bsdf type="diffuse"><texture type="checkerboard" name="reflectance">'
     '<boolean name="accel" value="true"/></texture></bsdf></shape>',
