@@ -13,6 +13,7 @@ from .default_camera import default_camera
 from .errors import SceneError, did_you_mean
 from .inside import is_inside
 from .instances import add_instance
+from .mapping import warn_of_missing_coordinates
 from .nodes import Node, Property, Rgb
 from .outputs import description_of, repeated
 from .plugins.adapters import lets_light_through
@@ -41,6 +42,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
             _add_emitter(builder, node)
     _warn_of_several_environments(builder, scene)
     _warn_of_missing_attributes(builder)
+    warn_of_missing_coordinates(builder)
     if not builder.emitters:
         _add_missing_light(builder, scene)
     sensor = cameras.chosen(builder, scene)

@@ -37,7 +37,7 @@ from .mitsuba3_plugins import (
 )
 from .nodes import Node, Property, Rgb, Value, Vector
 from .plugins import colours
-from .plugins.textures import decode
+from .plugins.textures import decode, is_alpha
 from .ply_bytes import ply_bytes
 from .schema import Field, Part, Plugin
 
@@ -225,7 +225,8 @@ class Translator:
         path = self.folder / str(getattr(node.find("filename"), "value", ""))
         pixels = read_pixels(path, node.property_location("filename"), channel)
         name = f"{self.stem}-files/{len(self.packed)}.exr"
-        linear = decode(pixels, gamma) if is_integer_file(path) else pixels
+        encoded = is_integer_file(path) and not is_alpha(channel)
+        linear = decode(pixels, gamma) if encoded else pixels
         self.packed[name] = np.broadcast_to(linear, (*linear.shape[:2], 3))
         return name
 
