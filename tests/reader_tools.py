@@ -25,9 +25,10 @@ def read(folder: Path, body: str, version: str = "3.0.0", **options: Any) -> Des
 
 
 def messages(description: Description, folder: Path) -> list[str]:
-    """First lines of the warnings, without the folder; "no light" left out."""
+    """First lines of the warnings, without the folder; those about what these scenes lack are left out."""
     lines = [str(w).splitlines()[0].replace(f"{folder}/", "") for w in description.warnings]
-    return [line for line in lines if "has no light" not in line]
+    lacking = ("has no light", "does not see the media")
+    return [line for line in lines if not any(text in line for text in lacking)]
 
 
 def error(path: Path, **options: Any) -> str:  # noqa: ANN401

@@ -226,6 +226,24 @@ def test_check_all(capsys: Capture) -> None:
     assert "room.xml is no folder" in capsys.readouterr().err
 
 
+def test_fragments_are_no_scenes(tmp_path: Path) -> None:
+    """What is only there to be included is not listed, whether it opens by itself or not."""
+    camera = '<sensor type="perspective"/>'
+    texts = {
+        "whole.xml": f'{camera}<shape type="cube"/><include filename="parts\\Metal.XML"/>',
+        "wrapper.xml": '<default name="x" value="gold"/><include filename="whole.xml"/>'
+        '<include filename="parts/bsdf-$x.xml"/>',
+        "parts/metal.xml": '<bsdf type="conductor"/>',
+        "parts/bsdf-gold.xml": '<ref id="nowhere"/>',
+        "parts/other.xml": '<shape type="cube"/>',
+    }
+    (tmp_path / "all" / "parts").mkdir(parents=True)
+    for name, content in texts.items():
+        (tmp_path / "all" / name).write_text(f'<scene version="0.6.0">{content}</scene>')
+    found = survey(tmp_path / "all", lajolla.load)
+    assert [finding.path.name for finding in found] == ["other.xml", "whole.xml", "wrapper.xml"]
+
+
 def test_one_scene_does_not_end_a_survey() -> None:
     Path("a.xml").write_text("<scene/>")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from oracle import Setup, default_variant, differences, render_with_lajolla, ren
 
 from lajolla import _core, cli, image, load
 from lajolla.catalog import catalog
-from lajolla.scene import export, load_description
+from lajolla.scene import SceneError, export, load_description
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 SETUP = Setup(max_depth=8)
@@ -222,6 +223,46 @@ REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is t
         '<sensor type="radiancemeter"><film type="hdrfilm"><integer name="width" value="8"/></film></sensor>',
         "has one pixel",
     ),
+    "half of a pair": (
+        CAMERA + SPHERE % '<bsdf type="roughconductor"><float name="alpha_u" value="0.3"/></bsdf>',
+        "",
+    ),
+    "a map without a texture": (CAMERA + SPHERE % f'<bsdf type="normalmap">{RED}</bsdf>', "changes nothing"),
+    "a flat map": (
+        CAMERA + SPHERE % f'<bsdf type="bumpmap"><float name="map" value="1"/>{RED}</bsdf>',
+        "",
+    ),
+    "a spot of one colour": (
+        CAMERA + '<emitter type="spot"><rgb name="texture" value="1 0 0"/></emitter>',
+        "",
+    ),
+    "a wide box": (
+        CAMERA.replace(
+            "/></sensor>", '><rfilter type="box"><float name="radius" value="2"/></rfilter></film>'
+        )
+        + "</sensor>",
+        'no "radius" in rfilter "box"',
+    ),
+    "an offset without a size": (
+        CAMERA.replace("/></sensor>", '><integer name="crop_offset_x" value="8"/></film></sensor>'),
+        "",
+    ),
+    "a shifted lens": (
+        CAMERA.replace('"perspective">', '"thinlens"><float name="principal_point_offset_x" value="0.1"/>'),
+        'no "principal_point_offset_x" in sensor "thinlens"',
+    ),
+    "an axis of no view": (
+        CAMERA.replace('"perspective">', '"perspective"><string name="fov_axis" value="y"/>'),
+        "",
+    ),
+    "an attribute without a name": (
+        CAMERA + SPHERE % '<bsdf type="diffuse"><texture type="mesh_attribute" name="reflectance"/></bsdf>',
+        "no mesh has the attribute",
+    ),
+    "an id with a dollar": (
+        CAMERA + RED.replace("<bsdf", '<bsdf id="a\\$b"') + SPHERE % '<ref id="a\\$b"/>',
+        "",
+    ),
     "missing file": (
         CAMERA + SPHERE % '<bsdf type="measured"><string name="filename" value="x.bsdf"/></bsdf>',
         "is left out",
@@ -282,3 +323,144 @@ def test_every_plugin_is_written_or_told(kind: str, tmp_path: Path) -> None:
         assert f'type="{SAME.get(name, name)}"' in text or any(f'{kind} "{name}"' in line for line in told), (
             text
         )
+
+
+FIELD_PLACES = {
+    **INSIDE,
+    "sensor": "%s",
+    "film": '<sensor type="perspective">%s</sensor>',
+    "rfilter": '<sensor type="perspective"><film type="hdrfilm">%s</film></sensor>',
+    "integrator": CAMERA + "%s",
+}
+VALUES = {
+    "boolean": '<boolean name="{name}" value="true"/>',
+    "spectrum": '<rgb name="{name}" value="0.3, 0.4, 0.5"/>',
+    "texture_spectrum": '<rgb name="{name}" value="0.3, 0.4, 0.5"/>',
+    "volume_spectrum": '<rgb name="{name}" value="0.3, 0.4, 0.5"/>',
+    "texture_float": '<float name="{name}" value="0.33"/>',
+    "vector": '<vector name="{name}" x="0.1" y="0.2" z="1"/>',
+    "transform": '<transform name="{name}"><translate x="0.3" y="0.1"/></transform>',
+}
+
+
+def fields(kind: str) -> Iterator[tuple[str, str]]:
+    """Every field of every plugin of a kind that needs nothing else, with a value."""
+    for name, model in sorted(catalog()[kind].items()):
+        for field in model["fields"]:
+            text = VALUES.get(field["type"], "").format(**field)
+            if field["type"] == "choice":
+                text = f'<string name="{field["name"]}" value="{field["choices"][-1]}"/>'
+            if field["type"] in ("float", "integer"):
+                low = field["minimum"] or 0
+                middle = (low + min(field["maximum"] or low + 2, low + 3)) / 2 + 0.17
+                value = middle if field["type"] == "float" else max(int(middle), int(low) + 1)
+                text = f'<{field["type"]} name="{field["name"]}" value="{value}"/>'
+            if text and name != "measured":
+                yield name, text
+
+
+@pytest.mark.parametrize("kind", FIELD_PLACES)
+def test_every_field_opens(kind: str, tmp_path: Path) -> None:
+    """Whatever is set of a plugin, Mitsuba opens what is written of it."""
+    image.write(tmp_path / "picture.exr", np.full((4, 8, 3), 0.5, np.float32))
+    for name, text in fields(kind):
+        plugin = f'<{kind} type="{name}"{_place_name(kind)}>{WITHIN.get(name, "")}{text}</{kind}>'
+        place = SPHERE if name == "area" else FIELD_PLACES[kind]
+        content = ("" if "<sensor" in place or kind == "sensor" else CAMERA) + place % plugin
+        path, target = tmp_path / "scene.xml", tmp_path / "new.xml"
+        path.write_text(f'<scene version="3.0.0">{content}</scene>')
+        try:
+            export(path, target)
+        except SceneError:
+            continue  # half of what belongs together
+        assert cli.main(["convert", str(path), str(target)]) == 0
+        assert load_with_mitsuba(target) == "", content
+
+
+def _place_name(kind: str) -> str:
+    return ' name="interior"' if kind == "medium" else ""
+
+
+def test_an_orthographic_camera_keeps_its_size(tmp_path: Path) -> None:
+    view = '<lookat origin="0, 0, 4" target="0, 0, 0"/>'
+    place = f'<transform name="to_world"><scale x="3" y="2"/>{view}</transform>'
+    converted(f'<sensor type="orthographic">{place}</sensor>', tmp_path)
+    sizes = [
+        np.linalg.norm(np.array(load_description(tmp_path / name).core["sensor"]["to_world"])[:3, :3], axis=0)
+        for name in ("scene.xml", "new.xml")
+    ]
+    assert np.allclose(sizes, [[3, 2, 1]] * 2)
+
+
+PLY = """ply
+format ascii 1.0
+{}element vertex 4
+property float x
+property float y
+property float z
+{}element face {}
+property list uchar int vertex_indices
+end_header
+"""
+CORNERS = "0 0 0{0}\n1 0 0{0}\n1 1 0{0}\n0 1 0{0}\n"
+TRIANGLES = "3 0 1 2\n3 0 2 3\n"
+COLOURS = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+MESHES = {  # the file, and whether Mitsuba 3 reads the same
+    "triangles": ("ply", PLY.format("", "", 2) + CORNERS.format("") + TRIANGLES, True),
+    "a quad": ("ply", PLY.format("", "", 1) + CORNERS.format("") + "4 0 1 2 3\n", False),
+    "bytes as colours": ("ply", PLY.format("", COLOURS, 2) + CORNERS.format(" 255 0 128") + TRIANGLES, False),
+    "remarks": ("ply", PLY.format("obj_info made\n", "", 2) + CORNERS.format("") + TRIANGLES, False),
+    "an obj": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", True),
+    "indices from the end": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n", False),
+    "long lines": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 \\\n3\n", False),
+}
+
+
+@pytest.mark.parametrize("case", MESHES)
+def test_meshes_that_mitsuba_reads_otherwise_are_packed(case: str, tmp_path: Path) -> None:
+    kind, content, alike = MESHES[case]
+    (tmp_path / f"mesh.{kind}").write_text(content)
+    shape = f'<shape type="{kind}"><string name="filename" value="mesh.{kind}"/></shape>'
+    text, _ = converted(CAMERA + shape, tmp_path)
+    assert ("new-files" in text) != alike
+    ours, theirs = (
+        load_description(tmp_path / n).core["shapes"][0]["mesh"] for n in ("scene.xml", "new.xml")
+    )
+    assert np.array_equal(ours.vertices[ours.faces], theirs.vertices[theirs.faces])
+    assert ours.attributes.keys() == theirs.attributes.keys()
+    assert all(np.array_equal(ours.attributes[name], theirs.attributes[name]) for name in ours.attributes)
+
+
+COATED = {  # what is inside a coating, and how far Mitsuba's picture may be from ours
+    "diffuse": (RED, 0.01),
+    "both sides": (f'<bsdf type="twosided">{RED}</bsdf>', 0.01),
+    "another layer": (f'<float name="int_ior" value="1.8"/>{RED}', 0.01),
+    "tinted": (f'<rgb name="sigma_a" value="0.1, 0.3, 0.5"/>{RED}', 0.02),
+    "checks": ('<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>', 0.05),
+    "cut out": (f'<bsdf type="mask"><float name="opacity" value="0.5"/>{RED}</bsdf>', 0.01),
+    "metal": ('<bsdf type="roughconductor"><string name="material" value="Au"/></bsdf>', 0.06),
+    "glass": ('<bsdf type="dielectric"/>', 0.01),
+}
+
+
+@pytest.mark.parametrize("layer", ["coating", "roughcoating"])
+@pytest.mark.parametrize("case", COATED)
+def test_coatings_stay_as_near_as_they_can(case: str, layer: str, tmp_path: Path) -> None:
+    inner, margin = COATED[case]
+    path, target = tmp_path / "scene.xml", tmp_path / "new.xml"
+    view = """<sensor type="perspective"><float name="fov" value="30"/><transform name="to_world">
+        <lookat origin="0, 0, 4" target="0, 0, 0" up="0, 1, 0"/></transform><film type="hdrfilm"><integer
+        name="width" value="16"/><integer name="height" value="16"/><rfilter type="box"/></film></sensor>"""
+    shape = SPHERE % f'<bsdf type="{layer}">{inner}</bsdf>'
+    path.write_text(
+        f'<scene version="3.0.0"><integrator type="path"/>{view}<emitter type="constant"/>{shape}</scene>'
+    )
+    told = " ".join(warning.message for warning in export(path, target).warnings)
+    assert f'Mitsuba 3 has no bsdf "{layer}"; ' in told
+    assert cli.main(["convert", str(path), str(target)]) == 0
+    mitsuba = pytest.importorskip("mitsuba")
+    mitsuba.set_variant(default_variant())
+    theirs = np.array(mitsuba.render(mitsuba.load_file(str(target)), spp=128)).mean((0, 1))
+    ours = load(path).render(spp=128).array.mean((0, 1))
+    rough = 0.04 if layer == "roughcoating" else 0.0
+    assert np.allclose(ours, theirs, rtol=margin + rough), (ours, theirs)

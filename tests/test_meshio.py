@@ -1,6 +1,7 @@
 """What the mesh readers read, and what they say about files with an error."""
 
 import struct
+import time
 from pathlib import Path
 
 import numpy as np
@@ -239,6 +240,44 @@ def test_ply_faces_of_any_size_with_attributes(load: Loader, file_format: str) -
     np.testing.assert_array_equal(mesh.faces, [[0, 1, 2], [0, 2, 3], [3, 2, 1]])
     np.testing.assert_array_equal(np.ravel(mesh.attributes["face_w"]), [1, 1, 3])
     np.testing.assert_array_equal(mesh.attributes["face_color"], [[1, 0, 0], [1, 0, 0], [0, 0, 1]])
+
+
+WEDGES = ["list uchar int vertex_indices", "list uchar float texcoord", "int texnumber"]
+
+
+@pytest.mark.parametrize("file_format", PLY_FORMATS)
+@pytest.mark.parametrize("faces_first", [False, True])
+def test_ply_coordinates_of_corners_split_vertices(load: Loader, file_format: str, faces_first: bool) -> None:
+    """As MeshLab writes them. Copies have what their vertex has; a face without has those of its vertices."""
+    position = ["float x", "float y", "float z", "float s", "float t", "float heat_0"]
+    vertices = [[*p, 0.25, 0.75, i] for i, p in enumerate(SQUARE.tolist())]
+    square = [0, 0, 1, 0, 1, 1, 0, 1]
+    seam = [0, 0, 0.5, 0.5, 1, 1]
+    faces = [[[0, 1, 2, 3], square, 0], [[0, 2, 3], seam, 0], [[0, 1, 3], [], 0]]
+    elements = [("vertex", position, vertices), ("face", WEDGES, faces)]
+    mesh = load("ply", ply(file_format, *(elements[::-1] if faces_first else elements)))
+    rest = [[0.0, 0.0]] * 3 if faces_first else [[0.25, 0.75]] * 3
+    expected = [[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1], [0, 0], [0.5, 0.5], [1, 1]]
+    assert mesh.uvs[mesh.faces].reshape(-1, 2).tolist() == [*expected, *rest]
+    corners = [0, 1, 2, 0, 2, 3, 0, 2, 3, 0, 1, 3]
+    assert np.array_equal(mesh.vertices[mesh.faces].reshape(-1, 3), SQUARE[corners])
+    assert mesh.attributes["vertex_heat"][mesh.faces].ravel().tolist() == corners
+    assert len(mesh.vertices) == len(mesh.uvs) == (8 if faces_first else 9)
+
+
+def test_ply_vertex_with_many_coordinates(load: Loader) -> None:
+    """A fan around one vertex, whose corners there all differ, takes no longer than any other."""
+    count = 200_000
+    faces = np.zeros(count, [("n", "u1"), ("at", "<i4", 3), ("m", "u1"), ("uv", "<f4", 6), ("number", "<i4")])
+    faces["n"], faces["m"], faces["at"] = 3, 6, (0, 1, 2)
+    faces["uv"][:, 0] = np.arange(count)
+    header = ply("binary_little_endian", ("vertex", ["float x", "float y", "float z"], TRIANGLE.tolist()))
+    text, body = header.split(b"end_header\n")
+    lines = "".join(f"property {p}\n" for p in WEDGES).encode()
+    content = text + b"element face %d\n" % count + lines + b"end_header\n" + body + faces.tobytes()
+    start = time.perf_counter()
+    assert len(load("ply", content).vertices) == count + 2
+    assert time.perf_counter() - start < 5
 
 
 @pytest.mark.parametrize("file_format", PLY_FORMATS)

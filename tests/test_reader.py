@@ -416,3 +416,104 @@ def test_required_scene_reads_as_written(name: str, shared_scenes: Path) -> None
 
 def test_write_scene_is_valid(tmp_path: Path) -> None:
     assert load_description(write_scene(tmp_path, "")).core["shapes"] == []
+
+
+def test_files_are_sought_in_the_working_folder_at_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In any case and with either slash, as beside the scene, where a file of that name comes first."""
+    triangle = "v 0 0 0\nv {} 0 0\nv 0 1 0\nf 1 2 3\n"
+    here, there = tmp_path / "here", tmp_path / "there"
+    (here / "meshes").mkdir(parents=True)
+    there.mkdir()
+    (here / "meshes" / "Wall.obj").write_text(triangle.format(5))
+    (here / "part.xml").write_text('<scene version="3.0.0"><shape type="cube"/></scene>')
+    monkeypatch.chdir(here)
+    body = '<shape type="obj"><string name="filename" value="Meshes\\wall.OBJ"/></shape>'
+    core = read(there, body + '<include filename="part.xml"/>').core
+    assert len(core["shapes"]) == 2 and core["shapes"][0]["mesh"].vertices.max() == 5
+    assert describe(
+        {
+            "type": "scene",
+            "integrator": {"type": "path"},
+            "sensor": {"type": "perspective"},
+            "wall": {"type": "obj", "filename": "meshes/Wall.obj"},
+        },
+        base_path=there,
+    ).core["shapes"]
+    (there / "meshes").mkdir()
+    (there / "meshes" / "wall.obj").write_text(triangle.format(7))
+    assert read(there, body).core["shapes"][0]["mesh"].vertices.max() == 7
+
+
+OLD_NAMES = """<shape type="sphere"><transform name="toWorld"><scale value="2"/></transform>
+    <bsdf type="roughdielectric"><float name="intIOR" value="1.2"/><float name="alphaU" value="0.3"/>
+        <boolean name="sampleVisible" value="true"/></bsdf></shape>"""
+
+
+def test_old_names_in_new_files_are_used_and_told(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    sensor = '<sensor type="perspective"><float name="nearClip" value="1"/><film type="hdrfilm"/></sensor>'
+    path.write_text(
+        '<scene version="3.0.0"><integrator type="path"><integer name="maxDepth" value="3"/></integrator>'
+        f"{sensor}{OLD_NAMES}</scene>"
+    )
+    description = load_description(path)
+    core = description.core
+    assert core["integrator"]["max_depth"] == 3 and core["sensor"]["near_clip"] == 1
+    assert core["shapes"][0]["to_world"][0][0] == 2
+    assert (core["bsdfs"][0]["int_ior"], core["bsdfs"][0]["alpha_u"]) == (1.2, 0.3)
+    told = " ".join(w.message for w in description.warnings)
+    for name in ("maxDepth", "nearClip", "toWorld", "intIOR", "alphaU"):
+        assert f'"{name}" of ' in told
+    assert "sampleVisible" not in told  # changes nothing
+    assert '"maxDepth" of integrator "path" is the name of before version 2 of "max_depth"' in told
+    with pytest.raises(SceneError, match="maxDepth"):
+        load_description(path, strict=True)
+
+
+def test_old_names_do_not_beat_new_ones(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    both = '<integer name="maxDepth" value="3"/><integer name="max_depth" value="5"/>'
+    path.write_text(
+        f'<scene version="3.0.0"><integrator type="path">{both}</integrator>'
+        '<sensor type="perspective"/></scene>'
+    )
+    description = load_description(path)
+    assert description.core["integrator"]["max_depth"] == 5
+    assert 'no use for the property "maxDepth"' in " ".join(w.message for w in description.warnings)
+
+
+def test_old_names_in_dicts(tmp_path: Path) -> None:
+    description = describe(
+        {"type": "scene", "integrator": {"type": "path", "maxDepth": 3}, "sensor": {"type": "perspective"}}
+    )
+    assert description.core["integrator"]["max_depth"] == 3 and "maxDepth" in str(description.warnings[0])
+
+
+HARMLESS = {
+    "film": '<film type="hdrfilm"><boolean name="high_quality_edges" value="true"/>'
+    '<boolean name="sample_border" value="true"/><boolean name="banner" value="false"/></film>',
+    "shape": '<shape type="sphere"><float name="silhouette_sampling_weight" value="2"/></shape>',
+    "emitter": '<emitter type="constant"><float name="sampling_weight" value="2"/></emitter>',
+    "integrator": '<integrator type="path"><integer name="block_size" value="32"/></integrator>',
+    "bsdf": '<shape type="sphere"><bsdf type="plastic"><float name="specularSamplingWeight" value="0.5"/>'
+    "</bsdf></shape>",
+    "medium": '<shape type="rectangle"><medium name="interior" type="homogeneous">'
+    '<string name="strategy" value="single"/></medium></shape>',
+    "texture": '<shape type="sphere"><bsdf type="diffuse"><texture type="checkerboard" name="reflectance">'
+    '<boolean name="accel" value="true"/></texture></bsdf></shape>',
+}
+
+
+@pytest.mark.parametrize("version", ["0.6.0", "3.0.0"])
+@pytest.mark.parametrize("kind", HARMLESS)
+def test_what_changes_nothing_is_not_told(kind: str, version: str, tmp_path: Path) -> None:
+    content = HARMLESS[kind]
+    parts = {"integrator": '<integrator type="volpath"/>', "emitter": '<emitter type="constant"/>'}
+    frame = "".join(part for other, part in parts.items() if other != kind)
+    inside = content if kind == "film" else ""
+    body = f'{frame}<sensor type="perspective">{inside}</sensor>{"" if inside else content}'
+    path = tmp_path / "scene.xml"
+    path.write_text(f'<scene version="{version}">{body}</scene>')
+    assert load_description(path, strict=True).warnings == []

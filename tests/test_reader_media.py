@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 from reader_tools import error_of, messages, read
+from scene_tools import torus, translation
 from test_voxels import NANOVDB, vol
 
 from lajolla import _core, _core_testing
-from lajolla.scene import Description, SceneError, describe
+from lajolla.scene import Description, SceneError, describe, load_description
+from lajolla.scene.inside import is_inside
 from lajolla.scene.materials import JENSEN, NARASIMHAN
 
 SHAPE = '<shape type="sphere"><medium name="interior" {}</medium></shape>'
@@ -286,3 +288,65 @@ def test_voxels_that_are_not_finite_are_zero(tmp_path: Path) -> None:
     description = read(tmp_path, SHAPE.format('type="heterogeneous">' + GRID.format("sigma_t", "a.vol", "")))
     assert len(messages(description, tmp_path)) == 1
     _core.Scene(description.core)
+
+
+def boxed(folder: Path, extinction: str, version: str = "3.0.0") -> Any:  # noqa: ANN401
+    """The place of the volume that a constant extinction becomes; None where it stays a constant."""
+    entry, description = medium(folder, f'type="heterogeneous">{extinction}', version)
+    if not isinstance(entry.get("sigma_t", {}), dict):
+        return None
+    return description.core["volumes"][entry["sigma_t"]["volume"]]["to_world"]
+
+
+def test_a_constant_extinction_ends_at_its_box(tmp_path: Path) -> None:
+    """Since version 2: that of a constvolume is placed, others fill the unit cube."""
+    volume = '<volume name="sigma_t" type="constvolume"><float name="value" value="2"/>{}</volume>'
+    placed = '<transform name="to_world"><scale value="2"/></transform>'
+    assert np.allclose(boxed(tmp_path, volume.format(placed)), np.diag([2, 2, 2, 1]))
+    for extinction in (volume.format(""), '<float name="sigma_t" value="2"/>', ""):
+        assert np.allclose(boxed(tmp_path, extinction), np.eye(4))
+    assert boxed(tmp_path, '<float name="density" value="2"/>', "0.6.0") is None
+
+
+CLOUD = '<medium name="interior" type="homogeneous"/>'
+VIEW = '<sensor type="perspective">{}<transform name="to_world"><translate x="3"/></transform></sensor>'
+
+
+def told(folder: Path, body: str, integrator: str = "volpath", sensor: str = VIEW.format("")) -> list[str]:
+    path = folder / "scene.xml"
+    light = '<emitter type="constant"/>'
+    path.write_text(f'<scene version="3.0.0"><integrator type="{integrator}"/>{sensor}{light}{body}</scene>')
+    return [warning.message for warning in load_description(path).warnings]
+
+
+@pytest.mark.parametrize("integrator", ["path", "direct"])
+def test_integrators_that_see_no_media_are_told_once(integrator: str, tmp_path: Path) -> None:
+    ball = f'<shape type="sphere">{CLOUD}</shape>'
+    message = f'the integrator "{integrator}" does not see the media of this scene; "volpath" does'
+    assert told(tmp_path, ball * 2, integrator) == [message]
+    assert told(tmp_path, ball) == told(tmp_path, '<shape type="sphere"/>', integrator) == []
+
+
+AROUND = '<transform name="to_world"><scale value="2"/><translate x="3.5" y="0.4"/></transform>'
+SHAPES = {"cube": AROUND, "sphere": '<point name="center" x="2.5" y="0" z="0"/>'}
+
+
+@pytest.mark.parametrize("shape", ["cube", "sphere"])
+def test_a_camera_in_a_medium_that_it_does_not_name(shape: str, tmp_path: Path) -> None:
+    body = f'<shape type="{shape}">{SHAPES[shape]}{CLOUD}</shape>'
+    expected = 'the camera stands in the medium of this shape, but sensor "perspective" names none'
+    assert [line.split(":")[0] for line in told(tmp_path, body)] == [expected]
+    assert told(tmp_path, body, sensor=VIEW.format('<medium type="homogeneous"/>')) == []
+    outside = f'<shape type="{shape}">{CLOUD}</shape>'
+    assert told(tmp_path, outside) == []
+
+
+def test_inside_of_a_mesh_is_between_its_faces() -> None:
+    mesh = torus(24, 12)
+    shape = {"type": "mesh", "mesh": mesh}
+    ring = [(np.cos(a), np.sin(a), 0.1) for a in np.linspace(0.1, 6, 7)]
+    assert all(is_inside(shape, np.array(p)) for p in ring)
+    for outside in ((0, 0, 0), (0.3, 0.2, 0), (1.3, 1.3, 0.1), (1, 0, 0.5), (5, 0, 0)):
+        assert not is_inside(shape, np.array(outside, float))
+    moved = {**shape, "to_world": translation(5, 0, 0)}
+    assert is_inside(moved, np.array([6, 0.01, 0.1])) and not is_inside(moved, np.array([1, 0.01, 0.1]))

@@ -7,10 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 from reader_tools import error_of, messages, read
-from scene_tools import PINHOLE, Settings, area, front_view, make_scene, picture, rotation, scaling, uv_sphere
+from scene_tools import (
+    PINHOLE,
+    Settings,
+    area,
+    front_view,
+    look_at,
+    make_scene,
+    picture,
+    rotation,
+    scaling,
+    uv_sphere,
+)
 
-from lajolla import _core
+from lajolla import _core, load_dict
 from lajolla import image as image_file
+from lajolla.scene import SceneError
 
 SIZE = 32
 COORDINATES = (np.arange(SIZE) + 0.5) / SIZE
@@ -313,3 +325,85 @@ def test_attributes_that_no_mesh_has_are_told(tmp_path: Path) -> None:
     textures, warnings = textures_of(tmp_path, texture, "0.6.0")
     assert textures[0] == {"type": "mesh_attribute", "name": "vertex_color"}
     assert len(warnings) == 1 and 'no mesh has the attribute "vertex_color"' in warnings[0]
+
+
+def on_a_screen(bitmap: dict[str, object]) -> np.ndarray:
+    """A bitmap of four by four pixels, as light."""
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "path"},
+        "sensor": {
+            "type": "orthographic",
+            "to_world": look_at((0, 0, 3), (0, 0, 0)),
+            "film": {"type": "hdrfilm", "width": 4, "height": 4, "rfilter": {"type": "box"}},
+        },
+        "screen": {"type": "rectangle", "light": {"type": "area", "radiance": {"type": "bitmap", **bitmap}}},
+    }
+    loaded = load_dict(scene)
+    assert loaded.warnings == []
+    return loaded.render(spp=16, seed=1).array[::-1]  # v = 0 is the first row
+
+
+@pytest.mark.parametrize("raw", [False, True])
+@pytest.mark.parametrize(
+    "channels, channel", [(1, ""), (2, ""), (3, ""), (4, ""), (4, "g"), (4, "A"), (2, "a")]
+)
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_an_array_is_read_as_a_file_of_its_type(
+    dtype: type, channels: int, channel: str, raw: bool, tmp_path: Path
+) -> None:
+    import OpenImageIO as oiio
+
+    pixels = np.random.default_rng(3).integers(0, np.iinfo(dtype).max, (4, 4, channels), dtype, endpoint=True)
+    spec = oiio.ImageSpec(4, 4, channels, "uint8" if dtype is np.uint8 else "uint16")
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    output = oiio.ImageOutput.create(str(tmp_path / "a.png"))
+    assert output.open(str(tmp_path / "a.png"), spec) and output.write_image(pixels) and output.close()
+    given = {"raw": raw, "filter_type": "nearest", **({"channel": channel} if channel else {})}
+    array = on_a_screen({"data": pixels[:, :, 0] if channels == 1 else pixels, **given})
+    assert np.array_equal(array, on_a_screen({"filename": str(tmp_path / "a.png"), **given}))
+    names = {1: "y", 2: "ya", 3: "rgb", 4: "rgba"}[channels]
+    used = [names.index(channel.lower())] if channel else list(range(3 if channels > 2 else 1))
+    values = pixels[:, :, used] / np.iinfo(dtype).max
+    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    expected = values if raw or channel.lower() == "a" else linear
+    assert np.allclose(array, np.broadcast_to(expected, array.shape), atol=1e-4)
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
+def test_floating_point_arrays_are_linear(dtype: type) -> None:
+    pixels = np.random.default_rng(3).random((4, 4, 4)).astype(dtype)
+    shown = on_a_screen({"data": pixels, "filter_type": "nearest"})
+    assert np.allclose(shown, pixels[:, :, :3], atol=1e-6)
+
+
+def test_arrays_of_other_shapes_are_refused() -> None:
+    for bitmap in ({"data": np.zeros((4, 4, 5))}, {"data": np.zeros((4, 4, 3)), "channel": "a"}):
+        with pytest.raises(SceneError, match=r"must have the shape|has no channel"):
+            on_a_screen(bitmap)
+
+
+PLAIN = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\n"
+
+
+@pytest.mark.parametrize(
+    "material, told",
+    [
+        ('<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>', True),
+        (
+            '<bsdf type="twosided"><bsdf type="mask"><texture type="scale" name="opacity"><texture '
+            'type="checkerboard"/></texture><bsdf type="plastic"/></bsdf></bsdf>',
+            True,
+        ),
+        ('<emitter type="area"><texture type="checkerboard" name="radiance"/></emitter>', True),
+        ('<bsdf type="diffuse"><texture type="vertexcolors" name="reflectance"/></bsdf>', False),
+        ('<bsdf type="plastic"/>', False),
+    ],
+)
+def test_a_texture_on_a_mesh_without_coordinates_is_told(material: str, told: bool, tmp_path: Path) -> None:
+    (tmp_path / "plain.obj").write_text(PLAIN + "f 1 2 3\n")
+    (tmp_path / "mapped.obj").write_text(PLAIN + "vt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n")
+    body = '<shape type="obj"><string name="filename" value="{}.obj"/>' + material + "</shape>"
+    found = " ".join(messages(read(tmp_path, body.format("plain") * 2), tmp_path))
+    assert ("no texture coordinates" in found) == told and ("(2 times)" in found or not told)
+    assert "coordinates" not in " ".join(messages(read(tmp_path, body.format("mapped")), tmp_path))

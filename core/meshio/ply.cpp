@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <unordered_map>
 
 namespace lajolla {
 namespace {
@@ -172,10 +173,15 @@ void add_attributes(std::vector<Field> &fields, const PlyElement &element, const
     }
 }
 
-/// Reads one row: scalars go to `row` (one place per property), the list with index `list` to `list_values`.
+/// The values of one of an element's lists, in the row that was read last.
+struct List {
+    size_t property; // its position among the element's
+    std::vector<double> values;
+};
+
+/// Reads one row: scalars go to `row` (one place per property), and the values of lists to those of `lists`.
 template <class Source>
-void read_row(Source &source, const PlyElement &element, std::span<double> row, size_t list,
-              std::vector<double> &list_values) {
+void read_row(Source &source, const PlyElement &element, std::span<double> row, std::span<List> lists) {
     for (size_t i = 0; i < element.properties.size(); ++i) {
         const PlyProperty &property = element.properties[i];
         if (!property.is_list) {
@@ -186,10 +192,11 @@ void read_row(Source &source, const PlyElement &element, std::span<double> row, 
         if (!(length >= 0) || length != std::floor(length) ||
             length > static_cast<double>(source.remaining() / source.least_size(property.type)))
             source.fail("the list '" + property.name + "' has an impossible length");
-        if (i == list) list_values.clear();
+        auto list = std::ranges::find(lists, i, &List::property);
+        if (list != lists.end()) list->values.clear();
         for (double k = 0; k < length; ++k) {
             double value = source.read(property.type);
-            if (i == list) list_values.push_back(value);
+            if (list != lists.end()) list->values.push_back(value);
         }
     }
 }
@@ -207,9 +214,9 @@ void check_count(const Source &source, const PlyElement &element) {
 
 template <class Source>
 void skip_element(Source &source, const PlyElement &element) {
-    std::vector<double> row(element.properties.size()), unused;
+    std::vector<double> row(element.properties.size());
     if (!row.empty())
-        for (uint64_t i = 0; i < element.count; ++i) read_row(source, element, row, row.size(), unused);
+        for (uint64_t i = 0; i < element.count; ++i) read_row(source, element, row, {});
 }
 
 MeshData::Attribute to_attribute(Field &field, bool per_face) {
@@ -242,9 +249,9 @@ void read_vertices(Source &source, const PlyElement &element, MeshData &mesh) {
 
     std::vector<float *> targets;
     for (Field &field : fields) targets.push_back(make_room(field, element.count, mesh));
-    std::vector<double> row(element.properties.size()), unused;
+    std::vector<double> row(element.properties.size());
     for (uint64_t i = 0; i < element.count; ++i) {
-        read_row(source, element, row, row.size(), unused);
+        read_row(source, element, row, {});
         for (size_t f = 0; f < fields.size(); ++f) targets[f] = fields[f].write(row, targets[f]);
     }
     for (Field &field : fields)
@@ -288,30 +295,102 @@ void append_triangles(const Source &source, std::span<const double> list, bool i
     else append_fan(corners, triangles);
 }
 
-size_t find_index_list(const PlyElement &element) {
-    for (size_t i = 0; i < element.properties.size(); ++i) {
-        const PlyProperty &property = element.properties[i];
-        if (property.is_list && (property.name == "vertex_indices" || property.name == "vertex_index"))
+/// The position of the first list of one of these names; past the end where there is none.
+size_t find_list(const PlyElement &element, std::initializer_list<std::string_view> names) {
+    for (size_t i = 0; i < element.properties.size(); ++i)
+        if (const PlyProperty &property = element.properties[i];
+            property.is_list && std::ranges::find(names, property.name) != names.end())
             return i;
-    }
     return element.properties.size();
 }
 
+using CornerUvs = std::vector<std::array<Vec2f, 3>>; // of each triangle, where faces have their own
+
+/// Appends the texture coordinates of a polygon's corners, in pairs, as its triangles were. Where it has
+/// none, they are those of its vertices.
+void append_corner_uvs(std::span<const double> pairs, std::span<const double> corners, const MeshData &mesh,
+                       CornerUvs &result) {
+    auto uv = [&](size_t corner) {
+        if (pairs.size() == 2 * corners.size())
+            return Vec2f(static_cast<float>(pairs[2 * corner]), static_cast<float>(pairs[2 * corner + 1]));
+        return mesh.uvs.empty() ? Vec2f(0, 0) : mesh.uvs[static_cast<size_t>(corners[corner])];
+    };
+    for (size_t i = 2; i < corners.size(); ++i) result.push_back({uv(0), uv(i - 1), uv(i)});
+}
+
+/// A vertex with a texture coordinate, bit by bit.
+struct VertexWithUv {
+    uint32_t vertex;
+    uint64_t uv;
+    bool operator==(const VertexWithUv &) const = default;
+};
+
+struct HashOfVertexWithUv {
+    size_t operator()(const VertexWithUv &key) const {
+        return std::hash<uint64_t>()((key.uv ^ key.vertex * 0x9e3779b97f4a7c15u) * 0xd6e8feb86659fd93u);
+    }
+};
+
+/// Repeats the values of some vertices at the end, `width` of them each.
+void repeat(auto &values, std::span<const uint32_t> origins, size_t width) {
+    const size_t before = values.size();
+    if (before == 0) return;
+    values.resize(before + origins.size() * width);
+    for (size_t i = 0; i < origins.size(); ++i)
+        for (size_t k = 0; k < width; ++k) values[before + i * width + k] = values[origins[i] * width + k];
+}
+
+/// Makes texture coordinates of corners those of vertices: a vertex with several becomes several vertices.
+void split_vertices(const CornerUvs &corner_uvs, MeshData &mesh) {
+    if (mesh.positions.size() + 3 * corner_uvs.size() > std::numeric_limits<uint32_t>::max())
+        throw MeshError("the mesh has more than 2^32 corners with texture coordinates");
+    std::vector<bool> has_uv(mesh.positions.size());
+    std::unordered_map<VertexWithUv, uint32_t, HashOfVertexWithUv> others;
+    std::vector<uint32_t> origins; // of the vertices that are added
+    mesh.uvs.resize(mesh.positions.size());
+    for (size_t t = 0; t < corner_uvs.size(); ++t)
+        for (size_t k = 0; k < 3; ++k) {
+            const Vec2f uv = corner_uvs[t][k];
+            uint32_t &vertex = mesh.triangles[t][k];
+            const auto bits = std::bit_cast<uint64_t>(std::array{uv.x, uv.y});
+            if (!has_uv[vertex]) {
+                has_uv[vertex] = true;
+                mesh.uvs[vertex] = uv;
+            }
+            if (std::bit_cast<uint64_t>(std::array{mesh.uvs[vertex].x, mesh.uvs[vertex].y}) == bits) continue;
+            const auto [known, is_new] =
+                others.try_emplace({vertex, bits}, static_cast<uint32_t>(mesh.uvs.size()));
+            if (is_new) {
+                origins.push_back(vertex);
+                mesh.uvs.push_back(uv);
+            }
+            vertex = known->second;
+        }
+    repeat(mesh.positions, origins, 1);
+    repeat(mesh.normals, origins, 1);
+    for (MeshData::Attribute &attribute : mesh.attributes)
+        if (!attribute.per_face) repeat(attribute.values, origins, static_cast<size_t>(attribute.channels));
+}
+
 template <class Source>
-void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count, MeshData &mesh) {
-    size_t list = find_index_list(element);
-    if (list == element.properties.size())
-        source.fail("the faces have no list 'vertex_indices' or 'vertex_index'");
+void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count, MeshData &mesh,
+                CornerUvs &corner_uvs) {
+    std::array lists{List{find_list(element, {"vertex_indices", "vertex_index"}), {}},
+                     List{find_list(element, {"texcoord"}), {}}}; // as MeshLab writes them
+    const size_t none = element.properties.size();
+    if (lists[0].property == none) source.fail("the faces have no list 'vertex_indices' or 'vertex_index'");
     std::vector<Field> fields;
     add_attributes(fields, element, "face_");
 
     const bool is_strip = element.name == "tristrips";
-    std::vector<double> row(element.properties.size()), list_values;
+    const bool has_corner_uvs = lists[1].property != none && !is_strip;
+    std::vector<double> row(element.properties.size());
     std::vector<uint32_t> corners;
     for (uint64_t i = 0; i < element.count; ++i) {
-        read_row(source, element, row, list, list_values);
+        read_row(source, element, row, lists);
         size_t before = mesh.triangles.size();
-        append_triangles(source, list_values, is_strip, vertex_count, corners, mesh.triangles);
+        append_triangles(source, lists[0].values, is_strip, vertex_count, corners, mesh.triangles);
+        if (has_corner_uvs) append_corner_uvs(lists[1].values, lists[0].values, mesh, corner_uvs);
         for (size_t k = before; k < mesh.triangles.size(); ++k)
             for (Field &field : fields) field.append(row);
         if (mesh.triangles.size() >= std::numeric_limits<uint32_t>::max())
@@ -334,12 +413,14 @@ MeshData read_elements(Source source, const PlyHeader &header) {
         source.fail(std::string("PLY header: there is no element '") + (vertices ? "face'" : "vertex'"));
 
     MeshData mesh;
+    CornerUvs corner_uvs;
     for (const PlyElement &element : header.elements) {
         check_count(source, element);
         if (&element == vertices) read_vertices(source, element, mesh);
-        else if (&element == faces) read_faces(source, element, vertices->count, mesh);
+        else if (&element == faces) read_faces(source, element, vertices->count, mesh, corner_uvs);
         else skip_element(source, element);
     }
+    if (!corner_uvs.empty()) split_vertices(corner_uvs, mesh);
     finish(mesh);
     return mesh;
 }

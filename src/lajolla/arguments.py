@@ -2,8 +2,9 @@
 
 import argparse
 import difflib
+import re
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -52,9 +53,16 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         commands.get(arguments.command, parser).refuse_unknown(unknown)
     if arguments.command is None:
         parser.error("which command? There is " + ", ".join(commands))
-    if arguments.command == "render" and arguments.sample is not None and arguments.pixel is None:
-        commands["render"].error("--sample needs --pixel")
+    if arguments.command == "render":
+        _check_render(arguments, commands["render"])
     return arguments
+
+
+def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
+    if arguments.sample is not None and arguments.pixel is None:
+        parser.error("--sample needs --pixel")
+    if arguments.all_sensors and (arguments.sensor is not None or arguments.pixel is not None):
+        parser.error("--all-sensors goes with neither --sensor nor --pixel")
 
 
 def _refuse_command(word: str, commands: list[str]) -> NoReturn:
@@ -115,6 +123,9 @@ def _add_scene(parser: Parser) -> None:
         "--integrator", metavar="NAME", help="in place of the scene's (lajolla list integrator)"
     )
     parser.add_argument(
+        "--sensor", metavar="N|ID", help="which of several sensors: its number, from 0, or its id"
+    )
+    parser.add_argument(
         "--max-depth", type=_depth, metavar="N", help="longest path in segments; -1: no limit"
     )
 
@@ -131,6 +142,12 @@ def _add_render(parser: Parser) -> None:
         help=f"picture to write, {EXTENSIONS}; repeatable (default: the scene's name with the endings that "
         "its film asks for, as a rule .exr and .png)",
     )
+    parser.add_argument(
+        "--all-sensors",
+        action="store_true",
+        help="a picture for each sensor; files have its id or number after their name",
+    )
+    parser.set_defaults(suffix="")
     parser.add_argument("--half", action="store_true", help="16-bit instead of 32-bit EXR")
     parser.add_argument(
         "--exposure", type=_finite, default=0.0, metavar="STOPS", help="brightens PNG and JPEG by 2^STOPS"
@@ -229,6 +246,28 @@ def _definition(text: str) -> tuple[str, str]:
     return name, value
 
 
+def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> Iterator[argparse.Namespace]:
+    """A command like this for each sensor, with files of its own: "a.exr" becomes "a-NAME.exr"."""
+    written = [re.sub(r"[^\w.-]+", "_", name) for name in names]
+    for number, name in enumerate(written):
+        unique = name if written.count(name) == 1 else f"{number}-{name}"
+        yield _for_sensor(arguments, number, f"-{unique}")
+    if not names:  # it has one that its file does not name
+        yield _for_sensor(arguments, None, "")
+
+
+def _for_sensor(arguments: argparse.Namespace, number: int | None, suffix: str) -> argparse.Namespace:
+    result = argparse.Namespace(**vars(arguments))
+    result.all_sensors, result.sensor, result.suffix = False, number, suffix
+    result.outputs = [_with_suffix(path, suffix) for path in arguments.outputs or []]
+    result.stats = arguments.stats and _with_suffix(arguments.stats, suffix)
+    return result
+
+
+def _with_suffix(path: Path, suffix: str) -> Path:
+    return path.with_name(path.stem + suffix + path.suffix)
+
+
 def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -> str:
     """The command that repeats one sample of this render."""
     words = ["lajolla", "render", str(arguments.scene)]
@@ -237,7 +276,7 @@ def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -
         words += ["--size", "x".join(map(str, arguments.size))]
     if arguments.crop:
         words += ["--crop", ",".join(map(str, arguments.crop))]
-    for flag in ("seed", "integrator", "max_depth"):
+    for flag in ("seed", "integrator", "max_depth", "sensor"):
         if getattr(arguments, flag) is not None:
             words += ["--" + flag.replace("_", "-"), str(getattr(arguments, flag))]
     if arguments.two_sided:

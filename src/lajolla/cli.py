@@ -20,7 +20,7 @@ from types import FrameType
 from typing import Any, NoReturn, TextIO
 
 import lajolla  # its modules are loaded when they are first used, which no --help does
-from lajolla.arguments import UsageError, parse, replay_command
+from lajolla.arguments import UsageError, for_each_sensor, parse, replay_command
 from lajolla.display import progress_display, rate, say, size_in_memory
 
 
@@ -84,6 +84,7 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
         seed=arguments.seed,
         integrator=arguments.integrator,
         max_depth=arguments.max_depth,
+        sensor=arguments.sensor,
     )
 
 
@@ -91,6 +92,8 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
 
 
 def command_render(arguments: argparse.Namespace) -> int:
+    if arguments.all_sensors:
+        return _render_each_sensor(arguments)
     outputs = list(dict.fromkeys(arguments.outputs or []))
     if arguments.pixel is None:  # what would fail after hours of rendering fails now
         for output in outputs:
@@ -103,7 +106,9 @@ def command_render(arguments: argparse.Namespace) -> int:
     if arguments.pixel is not None:
         print(*scene.radiance(*arguments.pixel, arguments.sample))
         return 0
-    outputs = outputs or [Path(arguments.scene.stem + ending) for ending in scene.film.endings]
+    outputs = outputs or [
+        Path(arguments.scene.stem + arguments.suffix + ending) for ending in scene.film.endings
+    ]
     for output in outputs:
         lajolla.image.check_output(output)
         lajolla.image.check_space(output, scene.width, scene.height, 3 + len(scene.core.channels))
@@ -125,6 +130,12 @@ def command_render(arguments: argparse.Namespace) -> int:
     if not arguments.quiet:
         say(f"wrote {names} ({_summary(scene, rendering)})")
     return 0
+
+
+def _render_each_sensor(arguments: argparse.Namespace) -> int:
+    names = lajolla.scene.sensor_names(arguments.scene, parameters=dict(arguments.parameters))
+    codes = (command_render(each) for each in for_each_sensor(arguments, names))
+    return next((code for code in codes if code != 0), 0)
 
 
 def _run(rendering: lajolla.Rendering, scene: lajolla.Scene, *, quiet: bool) -> KeyboardInterrupt | None:

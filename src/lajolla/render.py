@@ -49,6 +49,7 @@ class Options:
     seed: int | None = None
     integrator: str | None = None  # keeps the parameters in the scene that the new one has too
     max_depth: int | None = None  # -1: unlimited, 1: emitters alone, 2: direct light
+    sensor: int | str | None = None  # which one of several, by its number from 0 or its id
 
     def __post_init__(self) -> None:
         """Raises OptionError for values that no scene can have."""
@@ -57,6 +58,8 @@ class Options:
         _check_range("max_depth", self.max_depth, -1, MAX_INTEGER)
         _check_window("size", self.size, (1, 1), MAX_SIZE)
         _check_window("crop", self.crop, (0, 0, 1, 1), MAX_SIZE)
+        if self.sensor is not None and not isinstance(self.sensor, str):
+            _check_range("sensor", self.sensor, 0, MAX_INTEGER)
         if self.integrator is None:
             return
         integrators = [plugin.name for plugin in plugins_by_kind()["integrator"].values()]
@@ -88,7 +91,7 @@ def _check_window(name: str, values: Sequence[int] | None, lowest: Sequence[int]
 def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
     """The description with the options in place of the scene's own values. Raises OptionError.
 
-    Another integrator is not among them: it is chosen when the scene is read.
+    Another integrator or sensor is not among them: they are chosen when the scene is read.
     """
     result = dict(core)
     result["sampler"] = _with(core["sampler"], sample_count=options.spp, seed=options.seed)
@@ -213,6 +216,7 @@ class Scene:
         except _core.DescriptionError as problem:
             raise description.refusal(problem) from None
         self.film = description.film
+        self.sensors = description.sensors  # ids, or numbers, of all that there are
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
@@ -301,8 +305,8 @@ def load(
         strict: makes unknown plugins and properties errors.
         two_sided: lets opaque surfaces reflect on both sides.
         parameters: values of the file's `$name` parameters.
-        options: the fields of `Options` (spp, size, crop, seed, integrator, max_depth); any other name is a
-            parameter.
+        options: the fields of `Options` (spp, size, crop, seed, integrator, max_depth, sensor); any other
+            name is a parameter.
 
     Raises:
         SceneError: something is wrong with the scene; the message tells where.
@@ -312,7 +316,12 @@ def load(
     texts = {name: _as_text(value) for name, value in {**extra, **(parameters or {})}.items()}
     start = time.perf_counter()
     description = load_description(
-        Path(path), parameters=texts, strict=strict, two_sided=two_sided, integrator=own.integrator
+        Path(path),
+        parameters=texts,
+        strict=strict,
+        two_sided=two_sided,
+        integrator=own.integrator,
+        sensor=own.sensor,
     )
     return Scene(description, own, time.perf_counter() - start)
 
@@ -336,7 +345,12 @@ def load_dict(
     start = time.perf_counter()
     folder = None if base_path is None else Path(base_path)
     description = describe(
-        scene, base_path=folder, strict=strict, two_sided=two_sided, integrator=own.integrator
+        scene,
+        base_path=folder,
+        strict=strict,
+        two_sided=two_sided,
+        integrator=own.integrator,
+        sensor=own.sensor,
     )
     return Scene(description, own, time.perf_counter() - start)
 

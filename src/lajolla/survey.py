@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,9 @@ from lajolla.render import OptionError, Scene
 from lajolla.scene import SceneError
 
 INCLUDE = re.compile(rb"""<include\s[^>]*filename\s*=\s*["']([^"']*)""")
+PARAMETER = re.compile(r"\$\w+")
+CAMERA = re.compile(rb"<(sensor|camera)\s")
+CONTENT = re.compile(rb"<(shape|include)\s")
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class Finding:
 def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
     """Opens every scene file below a folder.
 
-    A file that another one includes and that does not open by itself is a fragment, and no finding.
+    A file that another one includes is a fragment, and no finding, unless it is a whole scene by itself.
 
     Args:
         folder: searched for `*.xml`, at any depth.
@@ -37,13 +40,30 @@ def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
     from rich.progress import track
 
     texts = {path: _text(path) for path in sorted(folder.rglob("*.xml")) if path.is_file()}
-    files = [path for path, text in texts.items() if b"<scene" in text]
-    names = {name.decode(errors="replace") for text in texts.values() for name in INCLUDE.findall(text)}
-    included = {name.replace("\\", "/").rsplit("/", 1)[-1] for name in names}
+    included = _included_names(texts.values())
+    files = [
+        path
+        for path, text in texts.items()
+        if b"<scene" in text and (_is_whole(text) or not included.fullmatch(path.name))
+    ]
     shown = sys.stderr.isatty()
     progress = track(files, "reading", console=Console(stderr=True), transient=True, disable=not shown)
     findings = [_finding(path, open_scene) for path in progress]
-    return [finding for finding in findings if not finding.error or finding.path.name not in included]
+    return [finding for finding in findings if not finding.error or not included.fullmatch(finding.path.name)]
+
+
+def _is_whole(text: bytes) -> bool:
+    """Whether a scene file has a camera and something to see."""
+    return CAMERA.search(text) is not None and CONTENT.search(text) is not None
+
+
+def _included_names(texts: Iterable[bytes]) -> re.Pattern[str]:
+    """Matches the names, without folders, of the files that others include; parameters stand for any text."""
+    names = {name.decode(errors="replace") for text in texts for name in INCLUDE.findall(text)}
+    last = {name.replace("\\", "/").rsplit("/", 1)[-1] for name in names}
+    told = sorted(name for name in last if PARAMETER.sub("", Path(name).stem))
+    patterns = [".*".join(map(re.escape, PARAMETER.split(name))) for name in told]
+    return re.compile("|".join(patterns) or "(?!)", re.IGNORECASE)
 
 
 def _text(path: Path) -> bytes:

@@ -19,6 +19,7 @@ from typing import Any
 from lajolla import _core
 from lajolla.film import Film
 
+from . import cameras
 from .assemble import assemble
 from .build import Builder, plugins_by_kind
 from .dict_reader import nodes_from_dict
@@ -42,6 +43,7 @@ __all__ = [
     "load_description",
     "plugins",
     "plugins_by_kind",
+    "sensor_names",
 ]
 
 NO_PARAMETERS: Mapping[str, str] = MappingProxyType({})
@@ -58,6 +60,7 @@ class Description:
     warnings: list[SceneWarning]
     places: Mapping[str, Location] = field(default_factory=dict)
     film: Film = field(default_factory=Film)
+    sensors: tuple[str, ...] = ()  # the ids, or else numbers, of all that there are
 
     def refusal(self, problem: Exception) -> SceneError:
         """The error to raise when the core refuses the description: the core's message at its place.
@@ -78,6 +81,7 @@ def load_description(
     strict: bool = False,
     two_sided: bool = False,
     integrator: str | None = None,
+    sensor: str | int | None = None,
 ) -> Description:
     """Reads a Mitsuba scene file of any version.
 
@@ -87,12 +91,27 @@ def load_description(
         strict: refuse unknown plugins and properties instead of warning.
         two_sided: make opaque materials the same on the back.
         integrator: the plugin to use in place of the scene's integrator, with the parameters that both have.
+        sensor: the number, from zero, or the id of the one to look through.
 
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
     """
     tree, builder = _read(Path(path), parameters, strict)
-    return _describe(tree, replace(builder, two_sided=two_sided, integrator=integrator))
+    return _describe(tree, replace(builder, two_sided=two_sided, integrator=integrator, sensor=sensor))
+
+
+def sensor_names(
+    path: str | os.PathLike[str], *, parameters: Mapping[str, str] = NO_PARAMETERS
+) -> tuple[str, ...]:
+    """The ids of a scene file's sensors, or their numbers where they have none; nothing else is opened.
+
+    Raises:
+        SceneError: the scene cannot be read; the message tells where and why.
+    """
+    tree, builder = _read(Path(path), parameters, strict=False)
+    resolve(tree)
+    cameras.spread(tree.root, builder.diagnostics)
+    return cameras.names(tree.root)
 
 
 @dataclass(frozen=True)
@@ -147,20 +166,23 @@ def describe(
     strict: bool = False,
     two_sided: bool = False,
     integrator: str | None = None,
+    sensor: str | int | None = None,
 ) -> Description:
     """Reads a scene from a dict, as Mitsuba 3's `load_dict` does.
 
     Args:
         scene_dict: `{"type": "scene", ...}`.
         base_path: the folder of files that it names; the working directory by default.
-        strict, two_sided, integrator: as for `load_description`.
+        strict, two_sided, integrator, sensor: as for `load_description`.
 
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
-    builder = Builder(_core, Diagnostics(strict), [base], two_sided, integrator)
-    return _describe(nodes_from_dict(scene_dict, base, builder.table), builder)
+    builder = Builder(_core, Diagnostics(strict), [base], two_sided, integrator, sensor)
+    tree = nodes_from_dict(scene_dict, base, builder.table)
+    upgrade(tree.nodes, builder.table, builder.diagnostics)
+    return _describe(tree, builder)
 
 
 def plugins() -> dict[str, dict[str, Any]]:
@@ -178,11 +200,13 @@ def _read(path: Path, parameters: Mapping[str, str], strict: bool) -> tuple[Tree
     document = expand_file(path, parameters, diagnostics)
     tree = nodes_from_elements(document.root, diagnostics)
     builder = Builder(_core, diagnostics, document.search_paths)
-    upgrade(tree.nodes, builder.table)
+    upgrade(tree.nodes, builder.table, diagnostics)
     return tree, builder
 
 
 def _describe(tree: Tree, builder: Builder) -> Description:
     resolve(tree)
+    cameras.spread(tree.root, builder.diagnostics)
     core = assemble(builder, tree.root)
-    return Description(core, builder.diagnostics.warnings, builder.places, builder.film)
+    warnings, names = builder.diagnostics.warnings, cameras.names(tree.root)
+    return Description(core, warnings, builder.places, builder.film, names)

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from . import cameras
 from .build import Builder
 from .default_camera import default_camera
 from .errors import SceneError, did_you_mean
+from .inside import is_inside
 from .instances import add_instance
+from .mapping import warn_of_missing_coordinates
 from .nodes import Node, Property, Rgb
 from .outputs import description_of, repeated
 from .plugins.adapters import lets_light_through
@@ -18,6 +21,7 @@ from .schema import BLACK, Slot
 
 ENVIRONMENTS = ("envmap", "constant", "sky", "sunsky")
 NEVER_LIGHTS = ("sdfgrid",)
+WITHOUT_MEDIA = ("path", "direct")
 
 
 def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
@@ -32,13 +36,16 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
             builder.diagnostics.unknown(f'a scene has no property "{prop.name}"', prop.name_location)
     for _, node in scene.children("shape"):
         _add_shape(builder, node)
+    _warn_of_unused_area_lights(builder, scene)
     for _, node in scene.children("emitter"):
-        _add_emitter(builder, node)
+        if node.plugin.lower() != "area":  # declared here for shapes that refer to it
+            _add_emitter(builder, node)
     _warn_of_several_environments(builder, scene)
     _warn_of_missing_attributes(builder)
+    warn_of_missing_coordinates(builder)
     if not builder.emitters:
         _add_missing_light(builder, scene)
-    sensor = _only(builder, scene, "sensor")
+    sensor = cameras.chosen(builder, scene)
     camera = _one(builder, sensor) if sensor else _missing_sensor(builder, scene)
     sensor = sensor or _implied(scene, "sensor", "perspective")
     inside = _only(builder, sensor, "medium")
@@ -47,6 +54,8 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     film = _only(builder, sensor, "film") or _implied(sensor, "film", "hdrfilm")
     size = _one(builder, film)
     rfilter = _only(builder, film, "rfilter") or _implied(film, "rfilter", _default_filter(film))
+    output = _output(builder, _integrator(builder, scene))
+    _warn_of_unseen_media(builder, output["integrator"]["type"], camera, sensor)
     return {
         "textures": builder.textures,
         "bsdfs": builder.bsdfs,
@@ -63,7 +72,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
         "film": size,
         "rfilter": _one(builder, rfilter),
         "sampler": _one(builder, _only(builder, sensor, "sampler") or _implied(sensor, "sampler", "sobol")),
-        **_output(builder, _integrator(builder, scene)),
+        **output,
     }
 
 
@@ -85,10 +94,8 @@ def _output(builder: Builder, integrator: Node) -> dict[str, Any]:
 
 
 def _only(builder: Builder, parent: Node, kind: str) -> Node | None:
-    """The one child of a kind; of several the first, but the last sensor in files before 2.0."""
-    found = [node for _, node in parent.children(kind)]
-    if len(found) > 1 and kind == "sensor" and parent.version < (2, 0, 0):
-        found.reverse()
+    """The one child of a kind; of several the first."""
+    found = parent.outermost(kind)
     if len(found) > 1:
         message = f"{parent.kind} has {len(found)} of kind {kind}; only this one counts"
         builder.diagnostics.warn(message, found[0].location)
@@ -132,10 +139,28 @@ def _default_integrator(builder: Builder, scene: Node) -> Node:
 
 def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
     """In files before 2.0 a camera that sees everything; newer files must have one."""
-    if scene.version >= (2, 0, 0):
-        raise SceneError("the scene has no sensor", scene.location)
-    builder.diagnostics.warn("the scene has no sensor; one that sees everything is added", scene.location)
+    cameras.tell_of_none(builder, scene)
     return default_camera(builder.shapes, builder.groups, builder.instances)
+
+
+def _warn_of_unseen_media(builder: Builder, integrator: str, camera: dict[str, Any], sensor: Node) -> None:
+    """Media that the integrator passes over, and one that the camera stands in without a word about it."""
+    if not builder.media:
+        return
+    if integrator in WITHOUT_MEDIA:
+        message = f'the integrator "{integrator}" does not see the media of this scene; "volpath" does'
+        builder.diagnostics.warn(message, builder.places["integrator"])
+        return
+    if camera.get("medium", -1) >= 0 or camera["type"] == "orthographic":
+        return
+    eye = np.asarray(camera.get("to_world", np.eye(4)), float)[:3, 3]
+    for i, shape in enumerate(builder.shapes):
+        if shape.get("interior", -1) >= 0 and is_inside(shape, eye):
+            message = (
+                f"the camera stands in the medium of this shape, but {sensor} names none: it starts outside"
+            )
+            builder.diagnostics.warn(message, builder.places[f"shapes[{i}]"])
+            return
 
 
 def _warn_of_missing_attributes(builder: Builder) -> None:
@@ -163,12 +188,17 @@ def _media(builder: Builder, shape: Node) -> dict[str, int]:
 
 
 def _add_emitter(builder: Builder, node: Node) -> None:
-    if node.plugin.lower() == "area":
-        raise SceneError("an area light must stand inside a shape", node.location)
     entries = builder.construct(node)
     for entry in entries if isinstance(entries, list) else [entries]:
         if entry is not None:
             builder.add("emitters", entry, node)
+
+
+def _warn_of_unused_area_lights(builder: Builder, scene: Node) -> None:
+    used = {inner for _, shape in scene.children("shape") for inner in shape.descendants()}
+    for _, node in scene.children("emitter"):
+        if node.plugin.lower() == "area" and node not in used:
+            builder.diagnostics.warn(f"no shape refers to {node}; it does not shine", node.location)
 
 
 def _warn_of_several_environments(builder: Builder, scene: Node) -> None:

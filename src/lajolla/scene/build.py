@@ -32,7 +32,7 @@ from .schema import (
     core_schema,
     fields_of,
 )
-from .substitutes import DROPPED, NESTED, misspelt, substitute_for
+from .substitutes import DROPPED, NESTED, in_words_of_substitute, misspelt, substitute_for
 
 # Objects that a scene can do without: one whose file is missing is left out.
 DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
@@ -73,6 +73,7 @@ class Builder:
     search_paths: list[Path]
     two_sided: bool = False
     integrator: str | None = None  # in place of the scene's
+    sensor: str | int | None = None  # which one of several, by id or number
     table: Mapping[str, Mapping[str, Plugin]] = field(default_factory=plugins_by_kind)
     textures: list[dict[str, Any]] = field(default_factory=list)
     bsdfs: list[dict[str, Any]] = field(default_factory=list)
@@ -142,22 +143,33 @@ class Builder:
         names = self.table.get(node.kind, {})
         nested = next((child for _, child in node.children(node.kind)), None)
         name = substitute_for(node, names, nested)
-        used = "it is left out" if name is DROPPED else f'"{name}" is used'
-        if name is NESTED:
-            used = f"the {nested} inside it is used"
-        if node.plugin:  # where there is none, that was told
-            hint = did_you_mean(node.plugin, names, limit=0) if name is DROPPED else ""
-            self.diagnostics.unknown(f"there is no {node}; {used}{hint}", node.plugin_location)
         if name is DROPPED:
+            hint = did_you_mean(node.plugin, names, limit=0)
+            self._tell_substitute(node, f"it is left out{hint}")
             return None
         if name is NESTED and nested is not None:
+            lost = [prop for prop in node.properties if prop.value is not nested]
+            self._tell_substitute(node, f"the {nested} inside it is used", lost)
             return self.known(nested)
         plugin = names[name]
-        kept = node.properties
+        kept, lost = node.properties, []
         if name != misspelt(node, names):  # what another plugin has is no mistake of the file's
             known = {f.name for f in plugin.fields}
-            kept = [p for p in kept if p.name in known or is_child(p.value, plugin)]
+            properties = in_words_of_substitute(node)
+            kept = [p for p in properties if p.name in known or is_child(p.value, plugin)]
+            lost = [p for p in properties if p not in kept]
+        self._tell_substitute(node, f'"{plugin.name}" is used', lost)
         return Node(node.kind, plugin.name, node.location, node.plugin_location, node.id, kept)
+
+    def _tell_substitute(self, node: Node, used: str, lost: Iterable[Property] = ()) -> None:
+        """Tells what is used in place of an unknown plugin, and which of its properties are not."""
+        harmless = HARMLESS.get(node.kind, ())
+        names = [f'"{p.name}"' if p.name else f"the {p.value}" for p in lost if p.name not in harmless]
+        without = f", without {', '.join(names)}" if names else ""
+        if node.plugin:
+            self.diagnostics.unknown(f"there is no {node}; {used}{without}", node.plugin_location)
+        elif names:  # that there is none was told
+            self.diagnostics.unknown(f"{used} for the {node}{without}", node.plugin_location)
 
     def values(self, node: Node, plugin: Plugin) -> dict[str, Any]:
         """The node's properties as fields of the plugin; unknown ones are told."""

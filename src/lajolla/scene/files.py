@@ -15,11 +15,13 @@ class MissingFile(SceneError):
 def find_file(name: str, directories: Iterable[Path], location: Location) -> Path:
     """Finds a file as scenes name them: relative to one of the folders, with either slash, in any case.
 
+    The working folder is the last of them.
+
     Raises:
         MissingFile: nothing is there; the message lists the folders that were searched.
     """
     wanted = name.replace("\\", "/")
-    searched = list(dict.fromkeys(directories))
+    searched = list(dict.fromkeys([*directories, Path()]))
     if not wanted.strip() or "\0" in wanted:
         raise SceneError("a file name is expected", location)
     for directory in searched:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,9 @@ from .build import Builder, is_child, named
 from .convert import constant_or_texture, convert
 from .files import MissingFile
 from .images import Pixels, is_integer_file, read_pixels
+from .mitsuba3_coats import coating
 from .mitsuba3_instances import Contents, group, instances
+from .mitsuba3_meshes import reads_alike
 from .mitsuba3_plugins import (
     ADAPTERS,
     HAS,
@@ -34,12 +37,11 @@ from .mitsuba3_plugins import (
 )
 from .nodes import Node, Property, Rgb, Value, Vector
 from .plugins import colours
-from .plugins.textures import decode
+from .plugins.textures import decode, is_alpha
 from .ply_bytes import ply_bytes
 from .schema import Field, Part, Plugin
 
-# Properties of ours that only say how to find what is written already, or that no other renderer has.
-OURS = ("strategy", "version", "multiscatter")
+# Properties of ours that only say how to find what is written already.
 OBJ_ONLY = ("collapse", "load_materials", "max_smooth_angle")
 ENVIRONMENTS = ("constant", "envmap", "sunsky")
 # Kinds of children of which one counts; of bsdfs in pairs two.
@@ -47,7 +49,16 @@ COUNTED = {"scene": ("integrator",), "sensor": ("film", "sampler", "medium"), "f
 COUNTED |= {"shape": ("bsdf", "emitter"), "bsdf": ("bsdf",)}
 PAIRS = ("twosided", "blendbsdf")
 MAPS = ("bumpmap", "normalmap")
+COATS = {name: coating for name in ("coating", "roughcoating")}
 CONSTANTS = {plugin.name for plugin in colours.PLUGINS}
+
+
+@dataclass
+class Losses:
+    """What one object is replaced by, if it is, and the names of properties that it loses."""
+
+    used: str = ""
+    names: list[str] = field(default_factory=list)
 
 
 @dataclass
@@ -63,6 +74,7 @@ class Translator:
     stem: str  # its name
     pack: bool = False
     packed: dict[str, bytes | Pixels] = field(default_factory=dict)
+    losses: list[Losses] = field(default_factory=list)  # of the objects that are being translated
     done: dict[Node, Node | None] = field(default_factory=dict)
     made: dict[Node, list[Node]] = field(default_factory=dict)  # of shapes
     groups: dict[Node, Contents] = field(default_factory=dict)
@@ -109,7 +121,9 @@ class Translator:
             for name, prop in named(node, fields)
             if name in fields or is_child(prop.value, plugin)
         }
-        used = [prop for prop in node.properties if id(prop) in meant and prop.name not in OURS]
+        if getattr(node.find("multiscatter"), "value", False):
+            self.lose("multiscatter")  # which no other renderer has
+        used = [prop for prop in node.properties if id(prop) in meant and prop.name != "multiscatter"]
         for prop in _counted(node, used):
             for value in self._values(node, prop, meant[id(prop)]):
                 result.properties.append(Property(prop.name, value, prop.location, prop.name_location))
@@ -127,10 +141,37 @@ class Translator:
     def _translate(self, node: Node) -> Node | None:
         plugin = self.builder.plugin(node)
         assert plugin is not None
-        result = self._properties(node, plugin)
-        if (node.kind, plugin.name) in ADAPTERS:
-            return ADAPTERS[node.kind, plugin.name](self, node, result)
-        return result if plugin.name in HAS[node.kind].split() else self.nearest(result)
+        with self._telling(node):
+            result = self._properties(node, plugin)
+            adapter = COATS.get(plugin.name) if node.kind == "bsdf" else None
+            adapter = adapter or ADAPTERS.get((node.kind, plugin.name))
+            if adapter is not None:
+                return adapter(self, node, result)
+            return result if plugin.name in HAS[node.kind].split() else self.nearest(result)
+
+    @contextmanager
+    def _telling(self, node: Node) -> Iterator[None]:
+        """Tells in one warning what becomes of an object, and which of its properties are lost."""
+        lost = Losses()
+        self.losses.append(lost)
+        try:
+            yield
+        finally:
+            self.losses.pop()
+        names = ", ".join(f'"{name}"' for name in dict.fromkeys(lost.names))
+        if lost.used:
+            without = f", without {names}" if names else ""
+            self.warn(node, f"Mitsuba 3 has no {node}; {lost.used}{without}")
+        elif names:
+            self.warn(node, f"Mitsuba 3 has no {names} in {node}: left out")
+
+    def replaced(self, node: Node, used: str) -> None:
+        """Notes what is written for an object whose plugin Mitsuba 3 does not have."""
+        self.losses[-1].used = used
+
+    def lose(self, *names: str) -> None:
+        """Notes properties of the object that is being translated which Mitsuba 3 does not have."""
+        self.losses[-1].names += names
 
     def _property(self, node: Node, prop: Property, field: Field | None) -> Value | None:
         if isinstance(prop.value, Node):
@@ -166,13 +207,13 @@ class Translator:
     def nearest(self, node: Node) -> Node | None:
         """What comes nearest to a plugin that Mitsuba 3 does not have."""
         name = NEAREST.get((node.kind, node.plugin.lower()), OTHERWISE.get(node.kind, ""))
-        used = f'"{name}" is written' if name else "it is left out"
-        self.warn(node, f"Mitsuba 3 has no {node}; {used}")
+        self.replaced(node, f'"{name}" is written' if name else "it is left out")
         if not name:
             return None
         plugin = self.builder.table[node.kind][name]
         known = {f.name for f in plugin.fields}
         kept = [p for p in node.properties if p.name in known or is_child(p.value, plugin)]
+        self.lose(*(p.name or str(p.value) for p in node.properties if p not in kept))
         return Node(node.kind, name, node.location, node.plugin_location, node.id, kept)
 
     def warn(self, node: Node, message: str) -> None:
@@ -184,7 +225,8 @@ class Translator:
         path = self.folder / str(getattr(node.find("filename"), "value", ""))
         pixels = read_pixels(path, node.property_location("filename"), channel)
         name = f"{self.stem}-files/{len(self.packed)}.exr"
-        linear = decode(pixels, gamma) if is_integer_file(path) else pixels
+        encoded = is_integer_file(path) and not is_alpha(channel)
+        linear = decode(pixels, gamma) if encoded else pixels
         self.packed[name] = np.broadcast_to(linear, (*linear.shape[:2], 3))
         return name
 
@@ -195,7 +237,8 @@ class Translator:
         if node not in self.made:
             known = self.builder.known(node)
             try:
-                self.made[node] = [] if known is None else self._shapes(known)
+                with self._telling(known or node):
+                    self.made[node] = [] if known is None else self._shapes(known)
             except MissingFile:  # reading the scene told of it
                 self.made[node] = []
         return self.made[node]
@@ -236,7 +279,10 @@ class Translator:
     def _must_pack(self, node: Node, entry: Mapping[str, Any]) -> bool:
         if node.plugin in ("obj", "ply", "serialized"):
             indexed = node.plugin == "obj" and node.find("shape_index") is not None
-            return self.pack or indexed or node.find("max_smooth_angle") is not None
+            if self.pack or indexed or node.find("max_smooth_angle") is not None:
+                return True
+            path = self.folder / str(getattr(node.find("filename"), "value", ""))
+            return not reads_alike(path, node.plugin, len(entry["mesh"].faces))
         return node.plugin in ("sphere", "cylinder") and entry["type"] == "mesh"
 
 
@@ -258,21 +304,27 @@ def _counted(node: Node, properties: list[Property]) -> list[Property]:
     met: Counter[str] = Counter()
     result = []
     for prop in properties:
+        if not _has_use(node, prop):
+            continue
         kind = prop.value.kind if isinstance(prop.value, Node) else ""
         met[kind] += 1
         if kind in kinds and met[kind] > most:
-            continue
-        if node.kind == "shape" and not _has_use(node, prop):
             continue
         result.append(prop)
     return result
 
 
-def _has_use(shape: Node, prop: Property) -> bool:
-    """Whether a child of a shape has a meaning there, as when the scene is rendered."""
+def _has_use(node: Node, prop: Property) -> bool:
+    """Whether a child of a scene or a shape has a meaning there, as when the scene is rendered."""
     child = prop.value
-    if not isinstance(child, Node) or child.kind not in ("emitter", "medium"):
+    if not isinstance(child, Node):
+        return True
+    if node.kind == "scene" and child.kind in ("integrator", "sensor"):
+        return child in node.outermost(child.kind)
+    if node.kind == "scene":
+        return child.kind != "emitter" or child.plugin.lower() != "area"
+    if node.kind != "shape" or child.kind not in ("emitter", "medium"):
         return True
     if child.kind == "medium":
         return prop.name in ("interior", "exterior")
-    return child.plugin.lower() == "area" and shape.plugin.lower() not in NEVER_LIGHTS
+    return child.plugin.lower() == "area" and node.plugin.lower() not in NEVER_LIGHTS

@@ -24,7 +24,8 @@ HAS = {
     "rfilter": "box tent gaussian mitchell catmullrom lanczos",
     "sampler": "independent stratified multijitter orthogonal ldsampler",
     "bsdf": "diffuse dielectric thindielectric roughdielectric conductor roughconductor plastic roughplastic "
-    "twosided mask bumpmap normalmap blendbsdf null principled principledthin hair measured",
+    "twosided mask bumpmap normalmap blendbsdf null principled principledthin hair measured "
+    "polarizer retarder circular",
     "texture": "bitmap checkerboard mesh_attribute",
     "emitter": "area point constant envmap spot directional projector sunsky",
     "shape": "obj ply serialized sphere rectangle disk cylinder cube shapegroup instance sdfgrid "
@@ -57,6 +58,7 @@ REQUIRED = {
     ("bsdf", "blendbsdf"): ("weight",),
     ("phase", "blendphase"): ("weight",),
     ("phase", "tabphase"): ("values",),
+    ("texture", "mesh_attribute"): ("name",),
 }
 
 
@@ -77,14 +79,14 @@ def having_bsdf(shape: Node, bsdf: Node | None) -> Node:
     """The shape with this bsdf alone."""
     kept = [p for p in shape.properties if not (isinstance(p.value, Node) and p.value.kind == "bsdf")]
     result = Node(shape.kind, shape.plugin, shape.location, shape.plugin_location, "", kept)
-    return _holding(result, bsdf) if bsdf else result
+    return holding(result, bsdf) if bsdf else result
 
 
 def with_boundary(shape: Node) -> Node:
     """A shape around a medium without a bsdf is invisible in files before 2.0, and grey in newer ones."""
     if shape.version >= (2, 0, 0) or not any(shape.children("medium")) or any(shape.children("bsdf")):
         return shape
-    return _holding(shape, Node("bsdf", "null", shape.location, shape.location))
+    return holding(shape, Node("bsdf", "null", shape.location, shape.location))
 
 
 def _renamed(node: Node, plugin: str, *without: str, **values: Value) -> Node:
@@ -98,12 +100,16 @@ def _renamed(node: Node, plugin: str, *without: str, **values: Value) -> Node:
 # translated property by property, and gives the one to write.
 
 
-def _normal_map(translator: Translator, read: Node, node: Node) -> Node:
-    """The texture under its name; the reader takes any."""
+def _map(translator: Translator, read: Node, node: Node) -> Node | None:
+    """The texture under the name that Mitsuba has for it; the reader takes any, and does without."""
+    name = "normalmap" if node.plugin == "normalmap" else "map"
     textures = [child for _, child in node.children("texture")]
+    given = textures[0] if textures else getattr(node.find(name), "value", None)
+    if given is None or (name == "map" and not isinstance(given, Node)):
+        return next((child for _, child in node.children("bsdf")), None)
     kept = [p for p in node.properties if not (isinstance(p.value, Node) and p.value.kind == "texture")]
     plain = Node(node.kind, node.plugin, node.location, node.plugin_location, node.id, kept)
-    return having(plain, normalmap=textures[0]) if textures else node
+    return having(plain, **{name: given})
 
 
 def _mixture(translator: Translator, read: Node, node: Node) -> Node | None:
@@ -117,44 +123,47 @@ def _mixture(translator: Translator, read: Node, node: Node) -> Node | None:
         covered += weight / total
         share = weight / total / covered if covered > 0 else 0.0
         pair = Node("bsdf", "blendbsdf", node.location, node.location)
-        result = part if share > 1 - 1e-6 else _holding(having(pair, weight=share), result, part)
-    return _named(result, node.id)
+        result = part if share > 1 - 1e-6 else holding(having(pair, weight=share), result, part)
+    return named(result, node.id)
 
 
 def _numbers(node: Node, name: str) -> list[float]:
     return [float(word) for word in str(getattr(node.find(name), "value", "")).replace(",", " ").split()]
 
 
-def _holding(node: Node, *children: Value) -> Node:
-    node.properties += [Property("", child, node.location, node.location) for child in children]
+def holding(node: Node, *children: Value, name: str = "") -> Node:
+    """The node itself, with these children added to it."""
+    node.properties += [Property(name, child, node.location, node.location) for child in children]
     return node
 
 
-def _named(node: Node, name: str) -> Node:
+def named(node: Node, name: str) -> Node:
     """The node under another id; one that has an id already is kept by it."""
-    return (
-        node
-        if node.id or not name
-        else Node(node.kind, node.plugin, node.location, node.plugin_location, name, node.properties)
-    )
+    if node.id or not name:
+        return node
+    return Node(node.kind, node.plugin, node.location, node.plugin_location, name, node.properties)
 
 
 def _inner(translator: Translator, read: Node, node: Node) -> Node | None:
     nested = next((child for _, child in node.children(node.kind)), None)
-    used = f"the {nested} inside it is written" if nested else "it is left out"
-    translator.warn(node, f"Mitsuba 3 has no {node}; {used}")
+    translator.replaced(node, f"the {nested} inside it is written" if nested else "it is left out")
     return nested
 
 
 def _rough(translator: Translator, read: Node, node: Node) -> Node:
-    """`roughness` is the square root of alpha."""
+    """`roughness` is the square root of alpha; Mitsuba wants both of `alpha_u` and `alpha_v` or none."""
     roughness = node.find("roughness")
-    if roughness is None:
+    if roughness is not None and isinstance(roughness.value, int | float):
+        node = _renamed(node, node.plugin, "roughness", alpha=float(roughness.value) ** 2)
+    elif roughness is not None:
+        translator.lose("roughness")
+        node = _renamed(node, node.plugin, "roughness")
+    pair = [node.find(name) for name in ("alpha_u", "alpha_v")]
+    if not any(pair):
         return node
-    if not isinstance(roughness.value, int | float):
-        translator.warn(node, f'Mitsuba 3 takes no texture as "roughness" of {node}; it is left out')
-        return _renamed(node, node.plugin, "roughness")
-    return _renamed(node, node.plugin, "roughness", alpha=float(roughness.value) ** 2)
+    both = getattr(node.find("alpha"), "value", 0.1)
+    u, v = (both if prop is None else prop.value for prop in pair)
+    return _renamed(node, node.plugin, "alpha", alpha_u=u, alpha_v=v)
 
 
 def _conductor(translator: Translator, read: Node, node: Node) -> Node:
@@ -172,14 +181,26 @@ def _conductor(translator: Translator, read: Node, node: Node) -> Node:
 def _phong(translator: Translator, read: Node, node: Node) -> Node | None:
     """The width of the lobe as Walter et al. 2007 relate the two, section 5.2."""
     exponent = getattr(node.find("exponent"), "value", 30.0)
-    alpha = math.sqrt(2 / (exponent + 2)) if isinstance(exponent, int | float) else 0.25
-    return translator.nearest(having(node, alpha=alpha))
+    if not isinstance(exponent, int | float):
+        return translator.nearest(having(node, alpha=0.25))
+    return translator.nearest(_renamed(node, node.plugin, "exponent", alpha=math.sqrt(2 / (exponent + 2))))
 
 
 def _ward(translator: Translator, read: Node, node: Node) -> Node | None:
-    alphas = [getattr(node.find(name), "value", 0.1) for name in ("alpha_u", "alpha_v")]
+    node = _rough(translator, read, node)
+    both = getattr(node.find("alpha"), "value", 0.1)
+    alphas = [getattr(node.find(name), "value", both) for name in ("alpha_u", "alpha_v")]
     known = [float(alpha) for alpha in alphas if isinstance(alpha, int | float)]
-    return translator.nearest(having(node, alpha=float(np.mean(known or [0.1]))))
+    width = float(np.mean(known or [0.1]))
+    return translator.nearest(_renamed(node, node.plugin, "alpha_u", "alpha_v", alpha=width))
+
+
+def _hair(translator: Translator, read: Node, node: Node) -> Node:
+    """A colour as the absorption that makes it."""
+    if node.find("color") is None:
+        return node
+    absorption = translator.builder.construct(read)["sigma_a"]
+    return _renamed(node, node.plugin, "color", sigma_a=Rgb(absorption))
 
 
 DISNEY_NAMES = {
@@ -200,7 +221,9 @@ def _disney(translator: Translator, read: Node, node: Node) -> Node | None:
 
 def _disney_diffuse(translator: Translator, read: Node, node: Node) -> Node | None:
     color = node.find("base_color")
-    return translator.nearest(having(node, reflectance=color.value) if color else node)
+    if color is None:
+        return translator.nearest(node)
+    return translator.nearest(_renamed(node, node.plugin, "base_color", reflectance=color.value))
 
 
 def _bitmap(translator: Translator, read: Node, node: Node) -> Node:
@@ -235,17 +258,29 @@ def _vertex_colors(translator: Translator, read: Node, node: Node) -> Node:
 
 
 def _sensor(translator: Translator, read: Node, node: Node) -> Node | None:
-    """Mitsuba 3 takes no scale in a camera's placement."""
+    """Mitsuba 3 takes no scale in a camera's placement, but for the size of a view without perspective."""
     place = node.find("to_world")
-    if place is not None:
+    if place is not None and node.plugin in ("perspective", "thinlens"):
         matrix = np.array(place.value, dtype=np.float64)
         matrix[:3, :3] /= np.linalg.norm(matrix[:3, :3], axis=0)
         node = having(node, to_world=matrix)
+    if node.find("fov") is None:
+        node.properties = node.without(["fov_axis"])
+    if node.plugin == "thinlens":
+        node = _without(translator, node, "principal_point_offset_x", "principal_point_offset_y")
     return node if node.plugin in HAS["sensor"].split() else translator.nearest(node)
 
 
-def _radiancemeter(translator: Translator, read: Node, node: Node) -> Node:
-    """One ray, one pixel."""
+def _without(translator: Translator, node: Node, *names: str) -> Node:
+    """The node without what Mitsuba 3 has no word for, which is told."""
+    translator.lose(*(name for name in names if node.find(name) is not None))
+    return _renamed(node, node.plugin, *names)
+
+
+def _one_pixel(translator: Translator, read: Node, node: Node) -> Node:
+    """Sensors that measure one value."""
+    if node.plugin == "radiancemeter" and node.find("to_world") is None:
+        node = _renamed(node, node.plugin, "origin", "direction", **_place(translator, read))
     films = [prop.value for prop, _ in node.children("film")] or [
         Node("film", "hdrfilm", node.location, node.location)
     ]
@@ -256,13 +291,61 @@ def _radiancemeter(translator: Translator, read: Node, node: Node) -> Node:
     filters = [prop for film in films for prop, _ in film.children("rfilter")]
     small[0].properties += filters
     kept = [p for p in node.properties if not (isinstance(p.value, Node) and p.value.kind == "film")]
-    return _holding(Node("sensor", node.plugin, node.location, node.plugin_location, node.id, kept), *small)
+    return holding(Node("sensor", node.plugin, node.location, node.plugin_location, node.id, kept), *small)
+
+
+def _place(translator: Translator, read: Node) -> dict[str, Value]:
+    """`to_world`, of which Mitsuba takes no half."""
+    entry = translator.builder.construct(read)
+    return {"to_world": entry["to_world"]} if "to_world" in entry else {}
+
+
+SIZES = ("width", "height", "crop_offset_x", "crop_offset_y", "crop_width", "crop_height")
+FORMATS = ("file_format", "component_format", "pixel_format")
+LOOKS = ("tonemap_method", "gamma", "exposure", "key", "burn", "digits", "channel_names")
 
 
 def _film(translator: Translator, read: Node, node: Node) -> Node:
-    known = ("width", "height", "crop_offset_x", "crop_offset_y", "crop_width", "crop_height")
+    pixel_format = str(getattr(node.find("pixel_format"), "value", "")).strip().lower()
+    own = node.plugin in ("hdrfilm", "tiledhdrfilm") and pixel_format in ("", *PIXEL_FORMATS)
+    known = SIZES + (FORMATS if own else ())
+    translator.lose(*(name for name in LOOKS if node.find(name) is not None))
     kept = [p for p in node.properties if p.name in known or isinstance(p.value, Node)]
-    return Node("film", "hdrfilm", node.location, node.plugin_location, node.id, kept)
+    film = Node("film", "hdrfilm", node.location, node.plugin_location, node.id, kept)
+    for size, begin, width in (
+        ("crop_width", "crop_offset_x", "width"),
+        ("crop_height", "crop_offset_y", "height"),
+    ):
+        offset, given = film.find(begin), getattr(film.find(size), "value", 0)
+        if offset is not None and given == 0:
+            whole = getattr(film.find(width), "value", DEFAULT_SIZE[width])
+            film = having(film, **{size: int(whole) - int(offset.value)})  # type: ignore[call-overload]
+    return film
+
+
+DEFAULT_SIZE = {"width": 768, "height": 576}
+PIXEL_FORMATS = ("luminance", "luminance_alpha", "rgb", "rgba", "xyz", "xyza")
+
+
+def _box(translator: Translator, read: Node, node: Node) -> Node:
+    return _without(translator, node, "radius")
+
+
+def _projector(translator: Translator, read: Node, node: Node) -> Node:
+    if node.find("fov") is None:
+        node.properties = node.without(["fov_axis"])
+    return node
+
+
+def _spot(translator: Translator, read: Node, node: Node) -> Node:
+    """A texture of one colour is part of the intensity."""
+    texture, intensity = node.find("texture"), node.find("intensity")
+    if texture is None or isinstance(texture.value, Node):
+        return node
+    light = intensity.value.values if intensity and isinstance(intensity.value, Rgb) else (1.0,) * 3
+    tint = texture.value.values if isinstance(texture.value, Rgb) else (1.0,) * 3
+    red, green, blue = (a * b for a, b in zip(light, tint, strict=True))
+    return _renamed(node, node.plugin, "texture", intensity=Rgb((red, green, blue)))
 
 
 def _sampler(translator: Translator, read: Node, node: Node) -> Node | None:
@@ -270,9 +353,14 @@ def _sampler(translator: Translator, read: Node, node: Node) -> Node | None:
     return node if node.plugin in HAS["sampler"].split() else translator.nearest(node)
 
 
-def _path(translator: Translator, read: Node, node: Node) -> Node:
-    roulette = getattr(node.find("rr_depth"), "value", None)
-    return having(node, rr_depth=1) if roulette == 0 else node
+def _path(translator: Translator, read: Node, node: Node) -> Node | None:
+    mine = {"strategy": ("mis",), "version": (5, 6)}  # names that only we have, and what Mitsuba does
+    lost = [name for name, values in mine.items() if (p := node.find(name)) and p.value not in values]
+    translator.lose(*lost)
+    node = _renamed(node, node.plugin, *mine)
+    if getattr(node.find("rr_depth"), "value", None) == 0:
+        node = having(node, rr_depth=1)
+    return node if node.plugin in HAS["integrator"].split() else translator.nearest(node)
 
 
 def _sggx(translator: Translator, read: Node, node: Node) -> Node:
@@ -288,9 +376,10 @@ def _sggx(translator: Translator, read: Node, node: Node) -> Node:
 
 def _homogeneous(translator: Translator, read: Node, node: Node) -> Node | None:
     """Extinction and albedo, which are all that Mitsuba 3 takes."""
+    node = _without(translator, node, "emission")
     entry = translator.builder.construct(read)
     kept = [p for p in node.properties if isinstance(p.value, Node) and p.value.kind == "phase"]
-    result = Node("medium", entry["type"], node.location, node.plugin_location, node.id, kept)
+    result = Node("medium", "homogeneous", node.location, node.plugin_location, node.id, kept)
     if entry["type"] == "heterogeneous":  # the albedo is a volume
         albedo, scale = node.find("albedo"), entry["scale"]
         value = albedo.value if albedo and isinstance(entry["albedo"], dict) else Rgb(entry["albedo"])
@@ -307,15 +396,17 @@ def _constant_volume(node: Node, value: tuple[float, ...]) -> Node:
 
 
 def _heterogeneous(translator: Translator, read: Node, node: Node) -> Node | None:
-    if node.find("emission"):
-        translator.warn(node, f"Mitsuba 3 has no emission in {node}; it is left out")
+    node = _without(translator, node, "emission")
     density = node.find("density")
     volumes = {"sigma_t": density.value} if density else {}
     for name in ("sigma_t", "albedo"):
         value = volumes.get(name, getattr(node.find(name), "value", None))
         if isinstance(value, Rgb):
             volumes[name] = _constant_volume(node, value.values)
-    return _renamed(node, "heterogeneous", "density", "emission", **volumes)
+    # Before version 2, a constant extinction has no box to end at, which Mitsuba 3 gives to all but this one.
+    endless = not isinstance(translator.builder.construct(read).get("sigma_t"), dict)
+    plugin = "homogeneous" if endless else "heterogeneous"
+    return _renamed(node, plugin, "density", "emission", **volumes)
 
 
 def _grid_volume(translator: Translator, read: Node, node: Node) -> Node | None:
@@ -352,17 +443,21 @@ def _daylight(translator: Translator, read: Node, node: Node) -> Node | None:
 Adapter: TypeAlias = Callable[["Translator", Node, Node], "Node | None"]
 ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("integrator", "path"): _path,
-    ("integrator", "volpath"): _path,
+    **{("integrator", name): _path for name in ("volpath", "volpathmis", "volpath_simple")},
     ("sensor", "perspective"): _sensor,
     ("sensor", "thinlens"): _sensor,
     ("sensor", "orthographic"): _sensor,
-    ("sensor", "radiancemeter"): _radiancemeter,
-    **{("film", name): _film for name in ("hdrfilm", "ldrfilm", "mfilm", "tiledhdrfilm")},
+    ("sensor", "telecentric"): _sensor,
+    ("sensor", "radiancemeter"): _one_pixel,
+    ("sensor", "distant"): _one_pixel,
+    ("rfilter", "box"): _box,
+    ("emitter", "projector"): _projector,
+    ("emitter", "spot"): _spot,
+    **{("film", name): _film for name in ("film", "hdrfilm", "ldrfilm", "mfilm", "tiledhdrfilm")},
     **{("sampler", name): _sampler for name in ("sobol", "halton", "hammersley", *HAS["sampler"].split())},
     ("bsdf", "mixturebsdf"): _mixture,
-    ("bsdf", "coating"): _inner,
-    ("bsdf", "roughcoating"): _inner,
-    ("bsdf", "normalmap"): _normal_map,
+    ("bsdf", "bumpmap"): _map,
+    ("bsdf", "normalmap"): _map,
     ("bsdf", "conductor"): _conductor,
     ("bsdf", "roughconductor"): _conductor,
     ("bsdf", "roughdielectric"): _rough,
@@ -371,6 +466,7 @@ ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("bsdf", "disneydiffuse"): _disney_diffuse,
     ("bsdf", "phong"): _phong,
     ("bsdf", "ward"): _ward,
+    ("bsdf", "hair"): _hair,
     **{("emitter", name): _daylight for name in ("sun", "sky", "sunsky")},
     ("medium", "homogeneous"): _homogeneous,
     ("medium", "heterogeneous"): _heterogeneous,

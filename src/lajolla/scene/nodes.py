@@ -118,6 +118,24 @@ class Node:
             if isinstance(prop.value, Node) and prop.value.kind in kinds:
                 yield prop, prop.value
 
+    def outermost(self, kind: str) -> list[Node]:
+        """The children of a kind, each once, without those that are declared here and used in another one."""
+        found = list(dict.fromkeys(node for _, node in self.children(kind)))
+        if len(found) < 2:
+            return found
+        parts = {inner for node in found for inner in node.descendants()}
+        return [node for node in found if node not in parts]
+
+    def descendants(self) -> set[Node]:
+        """All nodes below this one."""
+        found: set[Node] = set()
+        waiting = [self]
+        while waiting:
+            inner = {p.value for p in waiting.pop().properties if isinstance(p.value, Node)} - found
+            found |= inner
+            waiting += inner
+        return found
+
     def set_default(self, name: str, value: Value) -> None:
         """Adds a property unless one of that name is there."""
         if self.find(name) is None:

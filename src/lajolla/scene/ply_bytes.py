@@ -21,7 +21,8 @@ def ply_bytes(mesh: Content) -> bytes:
     for name, values in mesh.attributes.items():
         kind, _, prefix = name.partition("_")
         letters = "rgba" if prefix == "color" else "0123"
-        names = " ".join(f"{prefix}_{letter}" for letter in letters[: values.shape[1]])
+        prefix = "" if prefix == "color" else f"{prefix}_"
+        names = " ".join(prefix + letter for letter in letters[: values.shape[1]])
         (faces if kind == "face" else vertices).update(_columns(names, values))
     table = np.rec.fromarrays(list(vertices.values()), dtype=[(name, "<f4") for name in vertices])
     indices = np.empty(len(mesh.faces), [("count", "u1"), ("at", "<i4", 3), *((n, "<f4") for n in faces)])

@@ -32,9 +32,10 @@ TEXTURED = ("texture_float", "texture_spectrum")  # types of fields that take te
 # Properties of Mitsuba that cannot change the picture's values here: hints to its samplers, and how and where
 # it writes files, which the command line decides.
 HARMLESS = {
-    "emitter": ("sampling_weight",),
+    "emitter": ("sampling_weight", "mis_compensation", "cache"),
     "bsdf": (
         "sample_visible",
+        "specular_sampling_weight",
         "main_specular_sampling_rate",
         "clearcoat_sampling_rate",
         "specular_reflectance_sampling_rate",
@@ -49,11 +50,33 @@ HARMLESS = {
         "filename",
         "attach_log",
         "compensate",
+        "high_quality_edges",  # pixels see the same at the border of the film as elsewhere
     ),
-    "shape": ("name",),
-    "medium": ("sample_emitters", "has_spectral_extinction", "method", "step_size"),
+    "shape": ("name", "silhouette_sampling_weight"),
+    "texture": ("accel", "cache", "format"),
+    "medium": (
+        "sample_emitters",
+        "has_spectral_extinction",
+        "method",
+        "step_size",
+        "strategy",
+        "sampling_weight",
+    ),
     "volume": ("raw", "accel", "max_value", "send_data"),
-    "integrator": ("samples_per_pass", "block_size", "timeout", "cache_dimension", "use_spectral_mis"),
+    "integrator": (
+        "samples_per_pass",
+        "block_size",
+        "timeout",
+        "cache_dimension",
+        "use_spectral_mis",
+        "sppc",  # this and the rest: how Mitsuba estimates derivatives
+        "sppp",
+        "sppi",
+        "guiding",
+        "guiding_proj",
+        "guiding_rounds",
+        "project_seed",
+    ),
 }
 
 

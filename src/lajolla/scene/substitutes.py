@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from .errors import nearest
-from .nodes import Node
+from .nodes import Node, Property, Value
 
 DROPPED = "<dropped>"
 NESTED = "<nested>"  # the first child of the same kind
@@ -16,13 +17,21 @@ SUBSTITUTES = {
     "bsdf": {
         "hk": "diffuse",
         "irawan": "diffuse",
+        "linear": "polarizer",
+        "measured_polarized": "diffuse",
+        "pplastic": "roughplastic",
         "roughconductorggx": "roughconductor",
         "roughdielectricggx": "roughdielectric",
     },
     "integrator": {
         "adaptive": NESTED,
         "irrcache": NESTED,
+        "stokes": NESTED,
+        "direct_projective": "direct",
+        "prbvolpath": "volpath",
     },
+    "sensor": {"batch": NESTED},  # those of a scene are taken apart before
+    "emitter": {"timed_sunsky": "sunsky"},
     "film": {"specfilm": "hdrfilm"},
     "sampler": {"independent": "independent"},
     "phase": {"kkay": "isotropic", "microflake": "isotropic", "mixturephase": NESTED},
@@ -56,8 +65,36 @@ def substitute_for(node: Node, available: Iterable[str], nested: Node | None) ->
     rows = SUBSTITUTES.get(node.kind, {})
     default = OTHERWISE.get(node.kind, DROPPED)
     names = set(available)
-    name = rows.get(node.plugin.lower()) or misspelt(node, names) or default
+    name = rows.get(node.plugin.lower()) or misspelt(node, names) or (NESTED if nested else default)
     name = rows.get(name, name)
-    if name is DROPPED or name in names or (name is NESTED and nested is not None):
+    if name is NESTED and nested is not None:
+        return "merge" if node.kind == "shape" else NESTED
+    if name is DROPPED or name in names:
         return name
     return default if default in names else DROPPED
+
+
+def in_words_of_substitute(node: Node) -> list[Property]:
+    """The properties of a plugin that has a substitute, under the names that they have there."""
+    plugin = node.plugin.lower()
+    if plugin.startswith("prb"):
+        return _with_default(node.properties, "max_depth", 6, node)
+    if plugin not in ("roughconductorggx", "roughdielectricggx"):
+        return node.properties
+    properties = node.without(["scattering_order_max"])  # how often light bounces between microfacets
+    isotropic = plugin == "roughconductorggx" or node.find("alpha_u") is None
+    if isotropic and getattr(node.find("scattering_order_max"), "value", None) != 1:
+        properties = _with_default(properties, "multiscatter", True, node)
+    colour = node.find("R0")  # of the metal, seen head-on
+    if colour is None:
+        return properties
+    metal = ("R0", "material", "eta", "k", "ext_eta", "specular_reflectance")
+    kept = [prop for prop in properties if prop.name not in metal]
+    kept.append(replace(colour, name="specular_reflectance"))
+    return _with_default(kept, "material", "none", node)
+
+
+def _with_default(properties: list[Property], name: str, value: Value, node: Node) -> list[Property]:
+    if any(prop.name == name for prop in properties):
+        return properties
+    return [*properties, Property(name, value, node.plugin_location, node.plugin_location)]

@@ -11,8 +11,9 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from .errors import Diagnostics
 from .nodes import Node, Property
-from .schema import Plugin
+from .schema import HARMLESS, Plugin
 
 AIR = 1.000277
 
@@ -42,7 +43,9 @@ SYNONYMS = {
 UV_PROPERTIES = ("uscale", "vscale", "uvscale", "uoffset", "voffset")
 
 
-def upgrade(nodes: Iterable[Node], table: Mapping[str, Mapping[str, Plugin]]) -> None:
+def upgrade(
+    nodes: Iterable[Node], table: Mapping[str, Mapping[str, Plugin]], diagnostics: Diagnostics
+) -> None:
     """Brings nodes from files before 2.0 up to date, in place. Disney names go either way in any.
 
     Plugins are named as in the table from here on, whatever the case in the file.
@@ -56,6 +59,23 @@ def upgrade(nodes: Iterable[Node], table: Mapping[str, Mapping[str, Plugin]]) ->
             _write_defaults(node)
         elif node.kind == "bsdf" and node.plugin.lower().startswith("disney"):
             _upgrade_names(node)
+        else:
+            _correct_names(node, [known] if known else table.get(node.kind, {}).values(), diagnostics)
+
+
+def _correct_names(node: Node, plugins: Iterable[Plugin], diagnostics: Diagnostics) -> None:
+    """Names of before 2.0 in a newer file, where the plugin, or any for an unknown one, has them today."""
+    fields = {field.name for plugin in plugins for field in plugin.fields}
+    harmless = set(HARMLESS.get(node.kind, ()))
+    for prop in node.properties:
+        name = snake_case(prop.name)
+        if prop.name in fields or name == prop.name or node.find(name) is not None:
+            continue
+        if name in fields:
+            message = f'"{prop.name}" of {node} is the name of before version 2 of "{name}", which is used'
+            diagnostics.unknown(message, prop.name_location)
+        if name in fields | harmless:
+            prop.name = name
 
 
 def snake_case(name: str) -> str:

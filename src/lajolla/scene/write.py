@@ -69,7 +69,8 @@ class _Writer:
 
 
 def _attributes(name: str, **others: str) -> dict[str, str]:
-    return {"name": name, **others} if name else others
+    attributes = {"name": name, **others} if name else others
+    return {key: text.replace("$", "\\$") for key, text in attributes.items()}  # no parameters are meant
 
 
 def _constant(name: str, value: Value) -> ET.Element:
@@ -78,7 +79,7 @@ def _constant(name: str, value: Value) -> ET.Element:
         ET.SubElement(transform, "matrix", value=_numbers(*value.ravel()))
         return transform
     tag, text = _tag_and_text(value)
-    return ET.Element(tag, name=name, value=text)
+    return ET.Element(tag, _attributes(name, value=text))
 
 
 def _tag_and_text(value: Value) -> tuple[str, str]:
@@ -94,7 +95,7 @@ def _tag_and_text(value: Value) -> tuple[str, str]:
         return "vector", _numbers(*value.xyz)
     if isinstance(value, tuple | list):
         return "string", ", ".join(map(_numbers, value))
-    return "string", str(value).replace("$", "\\$")
+    return "string", str(value)
 
 
 def _numbers(*values: float) -> str:

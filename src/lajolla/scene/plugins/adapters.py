@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ..convert import convert
@@ -46,6 +47,24 @@ def _mask(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
     if values.setdefault("opacity", 0.5) == 1:
         return inner
     return _around(builder, node, "mask", values, inner)
+
+
+def _filter(passing: float) -> Callable[[Builder, Node, dict[str, Any]], Slot]:
+    """Plates that act on polarisation: of unpolarised light they pass so much, straight on."""
+
+    def build(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+        clear, share = values.get("transmittance", (1.0, 1.0, 1.0)), 1.0
+        if isinstance(clear, dict):
+            share = passing
+        else:
+            clear = tuple(passing * c for c in clear)
+        pane = {"type": "thindielectric", "int_ior": 1.0, "ext_ior": 1.0, "specular_transmittance": clear}
+        plate: MaterialId = builder.add_once("bsdfs", pane, node)
+        if share < 1:
+            plate = builder.adapt(node, "blendbsdf", {"weight": share}, first=BLACK, second=plate)
+        return Slot(plate)
+
+    return build
 
 
 def _around(builder: Builder, node: Node, name: str, values: dict[str, Any], inner: Slot) -> Slot:
@@ -179,6 +198,12 @@ def _coated(
     return made[material]
 
 
+CLEAR = Field("transmittance", "texture_spectrum", "what is not absorbed", 1.0, 0.0, 1.0)
+THETA = Field("theta", "texture_float", "angle of the axis; no difference without polarisation", 0.0)
+HALF = "A {} polariser: half of the light passes."
+RETARDANCE = Field("delta", "texture_float", "retardance; no difference", 90.0, unit="degrees")
+POLARIZING = Field("polarizing", "boolean", "no difference", True)
+LEFT_HANDED = Field("left_handed", "boolean", "no difference", False)
 WEIGHTS = Field("weights", "string", "one share per bsdf inside; what they leave over is black")
 CHILD = ("child",)
 CHILDREN = ("first", "second", "child")
@@ -200,5 +225,8 @@ PLUGINS = (
         "coating",
         ("base",),
     ),
+    Plugin("bsdf", "polarizer", HALF.format("linear"), (CLEAR, THETA, POLARIZING), _filter(0.5)),
+    Plugin("bsdf", "circular", HALF.format("circular"), (CLEAR, LEFT_HANDED), _filter(0.5)),
+    Plugin("bsdf", "retarder", "A retarder plate: clear.", (CLEAR, THETA, RETARDANCE), _filter(1.0)),
     Plugin("bsdf", "mixturebsdf", "A mixture of bsdfs.", (WEIGHTS,), _mixture, ("bsdf",)),
 )

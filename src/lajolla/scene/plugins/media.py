@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..errors import SceneError, did_you_mean
 from ..materials import MATERIALS
 from ..nodes import Node
 from ..schema import Field, Plugin
+from .volumes import placement_of
 
 if TYPE_CHECKING:
     from ..build import Builder
@@ -86,7 +89,19 @@ def _heterogeneous(builder: Builder, node: Node, values: dict[str, Any]) -> dict
         if "sigma_t" in values:
             raise SceneError(f'{node} takes "sigma_t" or "density", not both', node.location)
         values["sigma_t"] = density
+    extinction = values.get("sigma_t", (1.0, 1.0, 1.0))
+    if not isinstance(extinction, dict) and node.version >= (2, 0, 0):
+        values["sigma_t"] = _boxed(builder, node, extinction)
     return {"type": "heterogeneous", **values}
+
+
+def _boxed(builder: Builder, medium: Node, extinction: Rgb) -> dict[str, int]:
+    """A constant extinction as a volume: since version 2, it has a box as a grid does, and ends there."""
+    prop = medium.find("sigma_t") or medium.find("density")
+    volume = prop.value if prop and isinstance(prop.value, Node) else None
+    grid = builder.core.Grid(np.array(extinction, np.float32).reshape(1, 1, 1, 3))
+    entry = {"type": "gridvolume", "grid": grid, "to_world": placement_of(builder, volume)}
+    return {"volume": builder.add("volumes", entry, volume or medium)}
 
 
 def _hg(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:

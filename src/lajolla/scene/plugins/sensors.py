@@ -22,9 +22,9 @@ def _perspective(builder: Builder, node: Node, values: dict[str, Any]) -> dict[s
 def _along_ray(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     """`origin` and `direction` in place of `to_world`, and an optional target."""
     origin, direction = (values.pop(name, None) for name in ("origin", "direction"))
-    if direction is not None and "to_world" not in values:
+    if (origin or direction) and "to_world" not in values:
         values["to_world"] = _looking_along(
-            node, np.array(direction, float), np.array(origin or (0, 0, 0), float)
+            node, np.array(direction or (0, 0, 1), float), np.array(origin or (0, 0, 0), float)
         )
     if "target" in values:
         values["has_target"] = True

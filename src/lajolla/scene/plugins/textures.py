@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..convert import convert
-from ..errors import Location, SceneError
+from ..errors import SceneError
 from ..images import Pixels, is_integer_file, read_pixels
 from ..nodes import Node
 from ..schema import Content, Field, Plugin
@@ -21,22 +20,28 @@ def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
     values.pop("filename", None)
     raw, gamma = values.pop("raw", False), values.pop("gamma", -1.0)
     channel, data = values.pop("channel", ""), values.pop("data", None)
+    encoded = not (raw or gamma == 1 or is_alpha(channel))
     if data is not None:
-        image = _from_array(builder, node, data)
+        pixels, is_integer = _from_array(node, data, channel)
+        image = _image(builder, pixels, gamma, encoded=encoded and is_integer)
     else:
         path, location = builder.find(node)
         key = ("texture", path.resolve(), raw, gamma, channel)
         if key not in builder.files:
-            builder.files[key] = _load(builder, path, location, raw or gamma == 1, gamma, channel)
+            pixels = read_pixels(path, location, channel)
+            builder.files[key] = _image(builder, pixels, gamma, encoded=encoded and is_integer_file(path))
         image = builder.files[key]
     return {"type": "bitmap", "image": image, **values}
 
 
-def _load(builder: Builder, path: Path, location: Location, raw: bool, gamma: float, channel: str) -> Content:
-    """An image of the core. Integers are sRGB-encoded, `raw`, or follow a power law where `gamma` > 0."""
-    pixels = read_pixels(path, location, channel)
-    encoded = not raw and is_integer_file(path)
-    if pixels.dtype == np.uint8 and (raw or gamma <= 0):
+def is_alpha(channel: str) -> bool:
+    """Whether a channel is coverage, which no file encodes as it does colours."""
+    return channel.lower() == "a"
+
+
+def _image(builder: Builder, pixels: Pixels, gamma: float, *, encoded: bool) -> Content:
+    """An image of the core. What is encoded is sRGB, or follows a power law where `gamma` > 0."""
+    if pixels.dtype == np.uint8 and not (encoded and gamma > 0):
         return builder.core.Image(pixels, srgb=encoded)
     if encoded:
         pixels = decode(pixels, gamma)
@@ -51,16 +56,30 @@ def decode(pixels: Pixels, gamma: float = -1.0) -> Pixels:
     return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
-def _from_array(builder: Builder, node: Node, data: Content) -> Content:
+CHANNELS = {1: "y", 2: "ya", 3: "rgb", 4: "rgba"}  # of an array, by their number
+
+
+def _from_array(node: Node, data: Content, channel: str) -> tuple[Pixels, bool]:
+    """The pixels of an array as if it were a file of its type, and whether they are integers."""
     try:
         array = np.asarray(data)
-        array = array if array.dtype in (np.uint8, np.float16, np.float32) else array.astype(np.float32)
+        array = array[:, :, None] if array.ndim == 2 else array
+        if array.ndim != 3 or array.shape[2] not in CHANNELS or 0 in array.shape:
+            raise SceneError(f'"data" of {node} must have the shape (height, width, 1 to 4)', node.location)
+        is_integer = array.dtype in (np.uint8, np.uint16)
+        if array.dtype == np.uint16:
+            array = array.astype(np.float32) * np.float32(1 / 65535)  # as OpenImageIO does it
+        elif array.dtype not in (np.uint8, np.float16, np.float32):
+            array = array.astype(np.float32)
     except (TypeError, ValueError):
         raise SceneError(f'"data" of {node} is not an array', node.location) from None
-    array = array[:, :, None] if array.ndim == 2 else array
-    if array.ndim != 3 or array.shape[2] not in (1, 3) or 0 in array.shape:
-        raise SceneError(f'"data" of {node} must have the shape (height, width, 1 or 3)', node.location)
-    return builder.core.Image(np.ascontiguousarray(array), srgb=False)
+    names = CHANNELS[array.shape[2]]
+    if channel and channel.lower() not in names:
+        raise SceneError(
+            f'"data" of {node} has no channel "{channel}", only {", ".join(names)}', node.location
+        )
+    wanted = [names.index(name) for name in channel.lower() or names if channel or name != "a"]
+    return np.ascontiguousarray(array[:, :, wanted]), is_integer
 
 
 def _scale(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
@@ -108,7 +127,7 @@ PLUGINS = (
             Field("gamma", "float", "exponent of the encoding; 1 is linear, -1 is sRGB", -1.0),
             Field("channel", "string", "use one channel only: r, g, b or a", ""),
             Field(
-                "data", "image", "from Python: an array (height, width, 1 or 3), linear, instead of a file"
+                "data", "image", "from Python: an array (height, width, 1 to 4), read as a file of its type"
             ),
         ),
         _bitmap,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from ..convert import convert
 from ..errors import Location, SceneError
 from ..nodes import Array, Blackbody, Node
 from ..schema import Content, Field, Plugin
@@ -22,6 +23,16 @@ KEPT = (np.uint8, np.float16, np.float32)
 
 def _constant(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
     return values.get("value", (1.0, 1.0, 1.0))
+
+
+def placement_of(builder: Builder, volume: Node | None) -> Array:
+    """Where the box of a constant volume is, which may stand inside of another volume."""
+    while volume is not None:
+        prop = volume.find("to_world")
+        if prop is not None:
+            return convert(builder, volume, prop, TO_WORLD)
+        volume = next((child for _, child in volume.children("volume")), None)
+    return np.eye(4)
 
 
 def _grid_volume(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
@@ -114,6 +125,9 @@ FILE = (
     Field("grid", "grid", "from Python: the same"),
 )
 VALUE = Field("value", "spectrum", "the value everywhere", (1.0, 1.0, 1.0))
+TO_WORLD = Field(
+    "to_world", "transform", "places the unit cube, in which there is a medium of this extinction"
+)
 TEMPERATURE = (
     Field("scale", "float", "multiplies the radiance", 1.0, 0.0),
     Field("temperature_scale", "float", "kelvin per unit of the grid", 1.0, unit="K"),
@@ -121,7 +135,7 @@ TEMPERATURE = (
 )
 
 PLUGINS = (
-    Plugin("volume", "constvolume", "The same value everywhere.", (VALUE,), _constant),
+    Plugin("volume", "constvolume", "The same value everywhere.", (VALUE, TO_WORLD), _constant),
     Plugin("volume", "gridvolume", "", FILE, _grid_volume, model="gridvolume", hidden=("grid",)),
     Plugin(
         "volume",

@@ -1,0 +1,128 @@
+"""Which of a scene's cameras is looked through."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lajolla
+from lajolla import cli, image
+from lajolla.scene import SceneError, load_description, sensor_names
+
+FILM = '<film type="hdrfilm"><integer name="width" value="{}"/><integer name="height" value="3"/></film>'
+LEFT = f'<sensor type="perspective" id="left">{FILM.format(4)}</sensor>'
+MIDDLE = f'<sensor type="orthographic">{FILM.format(5)}</sensor>'
+RIGHT = f'<sensor type="perspective" id="right side">{FILM.format(6)}</sensor>'
+
+
+def written(folder: Path, sensors: str, version: str = "3.0.0") -> Path:
+    path = folder / "scene.xml"
+    path.write_text(
+        f'<scene version="{version}"><integrator type="path"/><emitter type="constant"/>{sensors}</scene>'
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    "asked, width",
+    [(None, 4), (0, 4), (1, 5), (2, 6), ("1", 5), ("left", 4), ("right side", 6)],
+)
+def test_one_of_several_is_chosen(asked: str | int | None, width: int, tmp_path: Path) -> None:
+    scene = lajolla.load(written(tmp_path, LEFT + MIDDLE + RIGHT), sensor=asked)
+    assert scene.width == width and scene.sensors == ("left", "1", "right side")
+    told = [w.message for w in scene.warnings]
+    expected = 'the scene has 3 sensors, left, 1, right side; "left" is used'
+    assert told == ([expected] if asked is None else [])
+
+
+def test_old_files_show_the_last(tmp_path: Path) -> None:
+    assert lajolla.load(written(tmp_path, LEFT + MIDDLE, "0.6.0")).width == 5
+    assert lajolla.load(written(tmp_path, LEFT + MIDDLE, "0.6.0"), sensor=0).width == 4
+
+
+@pytest.mark.parametrize(
+    "asked, hint", [("3", "left, 1, right side"), ("lefd", 'did you mean "left"'), (7, "7")]
+)
+def test_a_camera_that_is_not_there(asked: str | int, hint: str, tmp_path: Path) -> None:
+    with pytest.raises(SceneError) as caught:
+        lajolla.load(written(tmp_path, LEFT + MIDDLE + RIGHT), sensor=asked)
+    assert "there is no sensor" in str(caught.value) and hint in str(caught.value)
+    with pytest.raises(lajolla.OptionError):
+        lajolla.load(written(tmp_path, LEFT), sensor=-1)
+
+
+BATCH = """<sensor type="batch"><film type="hdrfilm"><integer name="width" value="64"/>
+    <integer name="height" value="32"/><rfilter type="box"/></film>{}</sensor>"""
+VIEW = '<sensor type="{}" {}><film type="hdrfilm"/></sensor>'
+
+
+def test_a_batch_is_its_cameras(tmp_path: Path) -> None:
+    """Side by side on its film, as in Mitsuba."""
+    inner = VIEW.format("perspective", 'id="a"') + VIEW.format("orthographic", "")
+    path = written(tmp_path, BATCH.format(inner))
+    assert sensor_names(path) == ("a", "1")
+    for asked, kind in ((None, "perspective"), ("a", "perspective"), (1, "orthographic")):
+        core = load_description(path, sensor=asked).core
+        assert core["sensor"]["type"] == kind and core["rfilter"]["type"] == "box"
+        assert (core["film"]["width"], core["film"]["height"]) == (32, 32)
+    referred = VIEW.format("perspective", 'id="a"') + BATCH.format('<ref id="a"/>')
+    assert sensor_names(written(tmp_path, referred)) == ("a",)
+    with pytest.raises(SceneError, match="needs sensors inside"):
+        load_description(written(tmp_path, BATCH.format("")))
+
+
+def test_a_batch_in_a_dict() -> None:
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "path"},
+        "light": {"type": "constant"},
+        "both": {"type": "batch", "one": {"type": "perspective"}, "two": {"type": "perspective", "fov": 20}},
+    }
+    loaded = lajolla.load_dict(scene, sensor=1, size=(4, 4))
+    assert loaded.sensors == ("0", "1") and loaded.render(spp=1).array.min() == 1
+
+
+def test_a_camera_in_a_shape_is_named(tmp_path: Path) -> None:
+    inside = '<shape type="cube"><sensor type="irradiancemeter"/></shape>'
+    with pytest.raises(SceneError, match='sensor "irradiancemeter" inside of shape "cube" cannot be used'):
+        load_description(written(tmp_path, inside))
+    told = " ".join(w.message for w in load_description(written(tmp_path, inside, "0.6.0")).warnings)
+    assert 'sensor "irradiancemeter" inside of shape "cube"' in told
+
+
+def test_a_picture_of_each_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = written(tmp_path, LEFT + MIDDLE + RIGHT)
+    command = ["render", str(path), "--all-sensors", "--spp", "1", "--quiet"]
+    assert cli.main([*command, "-o", "a.exr", "-o", "b.png", "--stats", "s.json"]) == 0
+    for name, width in (("left", 4), ("1", 5), ("right_side", 6)):
+        assert image.read(f"a-{name}.exr").shape == (3, width, 3)
+        assert Path(f"b-{name}.png").is_file() and Path(f"s-{name}.json").is_file()
+    assert cli.main(command) == 0
+    assert np.all(image.read("scene-left.exr") == 1)
+    assert cli.main([*command, "--sensor", "1"]) == 1
+    assert cli.main(["render", str(path), "--sensor", "right side", "--spp", "1", "-o", "c.exr"]) == 0
+    assert image.read("c.exr").shape[1] == 6
+
+
+def test_names_of_files_do_not_collide(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = written(tmp_path, LEFT.replace("left", "a b") + RIGHT.replace("right side", "a/b"))
+    assert cli.main(["render", str(path), "--all-sensors", "--spp", "1", "-o", "x.exr"]) == 0
+    assert sorted(file.name for file in tmp_path.glob("*.exr")) == ["x-0-a_b.exr", "x-1-a_b.exr"]
+    (tmp_path / "old").mkdir()
+    path = written(tmp_path / "old", '<shape type="cube"/>', "0.5.0")
+    command = f"render {path} --all-sensors --size 4x4 --spp 1 -o y.exr"
+    assert cli.main(command.split()) == 0 and Path("y.exr").is_file()
+
+
+def test_converted_batches_open_in_mitsuba(tmp_path: Path) -> None:
+    mitsuba = pytest.importorskip("mitsuba")
+    mitsuba.set_variant("scalar_rgb")
+    inner = VIEW.format("perspective", 'id="a"') + VIEW.format("orthographic", "")
+    path = written(tmp_path, BATCH.format(inner))
+    assert cli.main(["convert", str(path), str(tmp_path / "new.xml")]) == 0
+    sensors = mitsuba.load_file(str(tmp_path / "new.xml")).sensors()
+    assert [tuple(sensor.film().size()) for sensor in sensors] == [(32, 32)] * 2
