@@ -92,7 +92,7 @@ def command_render(arguments: argparse.Namespace) -> int:
     if arguments.pixel is None:  # what would fail after hours of rendering fails now
         for output in outputs:
             lajolla.image.check_output(output)
-        if arguments.stats is not None and not _is_device(arguments.stats):
+        if arguments.stats is not None and str(arguments.stats) not in STREAMS:
             lajolla.image.check_folder(arguments.stats)
     scene = load(arguments)
     for warning in scene.warnings:
@@ -204,18 +204,11 @@ def statistics(scene: lajolla.Scene, rendering: lajolla.Rendering) -> dict[str, 
 STREAMS = {"/dev/stdout": "stdout", "/dev/stderr": "stderr"}
 
 
-def _is_device(path: Path) -> bool:
-    """Whether this is a pipe, a terminal or the like, which is written to instead of replaced."""
-    return str(path) in STREAMS or (path.exists() and not path.is_file() and not path.is_dir())
-
-
 def _write_stats(path: Path, stats: dict[str, Any]) -> None:
     text = json.dumps(stats, indent=2) + "\n"
     if str(path) in STREAMS:  # opening these anew would cut off a file that they lead to
         stream: TextIO = getattr(sys, STREAMS[str(path)])
         stream.write(text)
-    elif _is_device(path):
-        path.write_text(text)
     else:
         with lajolla.image.replacing(path) as temporary:
             temporary.write_text(text)

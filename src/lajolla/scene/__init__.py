@@ -131,9 +131,9 @@ def export(
     tree, builder = _read(Path(path), parameters, strict)
     description = _describe(tree, builder)
     diagnostics = Diagnostics()
-    translator = Translator(
-        replace(builder, diagnostics=diagnostics), Path(target).parent, Path(target).stem, pack
-    )
+    target = Path(target)
+    stem = target.stem.encode("utf-8", "replace").decode()
+    translator = Translator(replace(builder, diagnostics=diagnostics), target.parent, stem, pack)
     text = scene_text(translator.scene(tree.root, description.core))
     told = {warning.message for warning in description.warnings}
     new = [warning for warning in diagnostics.warnings if warning.message not in told]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -22,13 +24,21 @@ def find_file(name: str, directories: Iterable[Path], location: Location) -> Pat
     searched = list(dict.fromkeys(directories))
     if not wanted.strip() or "\0" in wanted:
         raise SceneError("a file name is expected", location)
-    for directory in searched:
-        found = _in_any_case(directory / wanted)
+    for directory, spelling in itertools.product(searched, _spellings(wanted)):
+        found = _in_any_case(directory / spelling)
         if found is not None:
             return found
     shown = name if len(name) <= 80 else name[:77] + "..."
     where = "" if wanted.startswith("/") else f"; searched: {', '.join(map(str, searched))}"
     raise MissingFile(f'file "{shown}" not found{where}', location)
+
+
+def _spellings(name: str) -> list[str]:
+    """A name as the file system may have it: old files can have names in latin-1."""
+    try:
+        return [name] if name.isascii() else [name, os.fsdecode(name.encode("latin-1"))]
+    except UnicodeEncodeError:
+        return [name]
 
 
 def _in_any_case(path: Path) -> Path | None:

@@ -63,6 +63,7 @@ class Translator:
     stem: str  # its name
     pack: bool = False
     packed: dict[str, bytes | Pixels] = field(default_factory=dict)
+    copied: dict[str, Path] = field(default_factory=dict)  # where files among these come from
     done: dict[Node, Node | None] = field(default_factory=dict)
     made: dict[Node, list[Node]] = field(default_factory=dict)  # of shapes
     groups: dict[Node, Contents] = field(default_factory=dict)
@@ -159,9 +160,16 @@ class Translator:
     def _path(self, node: Node, name: str) -> str:
         path, _ = self.builder.find(node)
         try:
-            return Path(os.path.relpath(path.resolve(), self.folder.resolve())).as_posix()
+            written = Path(os.path.relpath(path.resolve(), self.folder.resolve())).as_posix()
         except ValueError:  # another drive
-            return path.resolve().as_posix()
+            written = path.resolve().as_posix()
+        try:
+            written.encode()
+        except UnicodeEncodeError:  # XML cannot name the file: a copy gets another name
+            written = f"{self.stem}-files/{len(self.packed)}{path.suffix}"
+            self.packed[written] = path.read_bytes()
+            self.copied[written] = path
+        return written
 
     def nearest(self, node: Node) -> Node | None:
         """What comes nearest to a plugin that Mitsuba 3 does not have."""
@@ -181,7 +189,8 @@ class Translator:
 
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
         """Packs a bitmap's pixels as linear floating-point numbers; the name of the file."""
-        path = self.folder / str(getattr(node.find("filename"), "value", ""))
+        written = str(getattr(node.find("filename"), "value", ""))
+        path = self.copied.get(written, self.folder / written)
         pixels = read_pixels(path, node.property_location("filename"), channel)
         name = f"{self.stem}-files/{len(self.packed)}.exr"
         linear = decode(pixels, gamma) if is_integer_file(path) else pixels
