@@ -41,6 +41,8 @@ def main(words: Sequence[str] | None = None) -> int:
         except KeyboardInterrupt as interrupt:
             say("interrupted; nothing was written")
             return interrupt.exit_code if isinstance(interrupt, Interrupt) else 130
+        except Exception as error:  # a fault of ours, or of a library: one line, as all else
+            say(f"error: {type(error).__name__}: {next(iter(str(error).splitlines()), '')}")
         return 1
 
 

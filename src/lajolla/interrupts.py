@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -69,8 +70,20 @@ class Patience:
 
     def save(self, action: Callable[..., Any], *arguments: Any) -> None:  # noqa: ANN401
         """Does it in another thread: a library may not return for long, and this one hears signals."""
-        from concurrent.futures import ThreadPoolExecutor
+        from concurrent.futures import Future
 
         self.saving = True
-        with ThreadPoolExecutor(1) as worker:
-            worker.submit(action, *arguments).result()
+        done: Future[None] = Future()
+
+        def work() -> None:
+            try:
+                action(*arguments)
+                done.set_result(None)
+            except BaseException as problem:
+                done.set_exception(problem)
+
+        try:
+            threading.Thread(target=work).start()
+        except RuntimeError:  # there is no memory for another thread
+            work()
+        done.result()

@@ -12,7 +12,7 @@ from typing import Any, TypeGuard
 from lajolla.film import Film
 
 from .convert import convert
-from .errors import Diagnostics, Location, SceneError, did_you_mean
+from .errors import Diagnostics, Location, SceneError, blamed_on, did_you_mean
 from .files import MissingFile, find_file
 from .nodes import Node, Property
 from .outputs import Picture
@@ -128,7 +128,8 @@ class Builder:
         if known is None or plugin is None:
             return None
         try:
-            return plugin.build(self, known, self.values(known, plugin))
+            with blamed_on(node.location, str(node)):
+                return plugin.build(self, known, self.values(known, plugin))
         except MissingFile as problem:
             if node.kind not in DISPENSABLE:
                 raise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -240,11 +240,24 @@ def _clamp_texture(
     return within(builder, value, (low, high), node)
 
 
-def _object(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
-    return prop.value if not isinstance(prop.value, Node | str | int | float) else None
+def _array(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    """Anything that may be an array: the plugin, which takes it, judges its shape."""
+    return prop.value if not isinstance(prop.value, Node | str | int | float | Vector) else None
 
 
-CONVERTERS: dict[str, Callable[[Builder, Node, Property, Field], Any]] = {
+def _object(name: str) -> Converter:
+    """A converter to objects of one of the core's classes, which only Python can make."""
+
+    def convert_object(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+        return prop.value if isinstance(prop.value, getattr(builder.core, name)) else None
+
+    return convert_object
+
+
+Converter: TypeAlias = Callable[["Builder", Node, Property, Field], Any]
+
+
+CONVERTERS: dict[str, Converter] = {
     "float": _float,
     "integer": _integer,
     "boolean": _boolean,
@@ -260,11 +273,11 @@ CONVERTERS: dict[str, Callable[[Builder, Node, Property, Field], Any]] = {
     "volume_matrix": _volume_matrix,
     "floats": _floats,
     "phase": _phase,
-    "grid": _object,
-    "measurement": _object,
-    "mesh": _object,
-    "curves": _object,
-    "image": _object,
+    "grid": _array,
+    "measurement": _object("Measurement"),
+    "mesh": _object("Mesh"),
+    "curves": _object("Curves"),
+    "image": _array,
 }
 
 EXPECTED = {

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -79,6 +80,35 @@ class SceneError(Exception):
         super().__init__(format_message("error", message, location))
         self.message = message
         self.location = location
+
+
+@contextmanager
+def blamed_on(place: Location, what: str = "") -> Iterator[None]:
+    """Makes one message of whatever a library, the core or a plugin raises within.
+
+    Args:
+        place: what in the scene they were busy with.
+        what: its name, before the reason.
+    """
+    try:
+        yield
+    except SceneError:
+        raise
+    except Exception as problem:
+        raise SceneError(f"{what}: {reason_of(problem)}" if what else reason_of(problem), place) from problem
+
+
+def reason_of(problem: Exception) -> str:
+    """The first line of what an exception says, in words that do not need a traceback."""
+    if isinstance(problem, MemoryError):
+        return "not enough memory"
+    if isinstance(problem, OSError) and problem.strerror:
+        return f'"{problem.filename}": {problem.strerror}' if problem.filename else problem.strerror
+    text = next(iter(str(problem).splitlines()), "")
+    if isinstance(problem, KeyError):
+        return f"{text} is missing"
+    told = isinstance(problem, ValueError | RuntimeError) and text
+    return text if told else f"{type(problem).__name__}: {text}".rstrip(": ")
 
 
 @dataclass(frozen=True)

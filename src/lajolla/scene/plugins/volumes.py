@@ -50,6 +50,9 @@ def load_voxels(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[V
     arrays = [values.pop(name) for name in ("data", "grid") if name in values]
     grid_name = values.pop("grid_name", "density")
     if arrays:
+        if "filename" in values:
+            message = f"{node} takes a file or an array, not both"
+            raise SceneError(message, node.property_location("filename"))
         return Voxels(_from_array(node, arrays[0]), np.eye(4)), node.location
     values.pop("filename", None)
     path, location = builder.find(node)
