@@ -26,16 +26,27 @@ def repository() -> Path:
     return ROOT
 
 
-@pytest.fixture(scope="session")
-def shared_scenes() -> Path:
-    """The folder of public scenes beside the checkout; a test without it is skipped, but fails in CI."""
-    folder = ROOT.parent / "shared" / "scenes"
+def shared(name: str) -> Path:
+    """A folder beside the checkout; a test without it is skipped, but fails in CI."""
+    folder = ROOT.parent / "shared" / name
     if not folder.is_dir():
-        message = "the public scenes (../shared/scenes beside the checkout) are not here"
+        message = f"the public {name} (../shared/{name} beside the checkout) are not here"
         if os.environ.get("CI"):
             pytest.fail(message)
         pytest.skip(message)
     return folder
+
+
+@pytest.fixture(scope="session")
+def shared_scenes() -> Path:
+    """The folder of public scenes."""
+    return shared("scenes")
+
+
+@pytest.fixture(scope="session")
+def shared_cases() -> Path:
+    """The folder of small inputs that once failed."""
+    return shared("cases")
 
 
 @pytest.fixture

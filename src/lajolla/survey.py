@@ -11,6 +11,7 @@ from pathlib import Path
 from lajolla import _core
 from lajolla.render import OptionError, Scene
 from lajolla.scene import SceneError
+from lajolla.scene.files import file_bytes
 
 INCLUDE = re.compile(rb"""<include\s[^>]*filename\s*=\s*["']([^"']*)""")
 
@@ -48,7 +49,7 @@ def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
 
 def _text(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return file_bytes(path)
     except OSError:  # a file that may not be read
         return b""
 

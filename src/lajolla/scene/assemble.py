@@ -10,7 +10,7 @@ import numpy as np
 from .build import Builder
 from .default_camera import default_camera
 from .errors import SceneError, did_you_mean
-from .instances import add_instance
+from .instances import add_instance, check_size
 from .nodes import Node, Property, Rgb
 from .outputs import description_of, repeated
 from .plugins.adapters import lets_light_through
@@ -30,6 +30,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     for prop in scene.properties:
         if not isinstance(prop.value, Node):
             builder.diagnostics.unknown(f'a scene has no property "{prop.name}"', prop.name_location)
+    check_size(scene)
     for _, node in scene.children("shape"):
         _add_shape(builder, node)
     for _, node in scene.children("emitter"):

@@ -37,6 +37,8 @@ from .substitutes import DROPPED, NESTED, misspelt, substitute_for
 # Objects that a scene can do without: one whose file is missing is left out.
 DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
 
+MOST_LOOKUPS = 1024  # that one texture may take
+
 # Lists of the description whose entries other entries name by index.
 LISTS = {"phase": "phases", "medium": "media"}
 
@@ -75,6 +77,7 @@ class Builder:
     integrator: str | None = None  # in place of the scene's
     table: Mapping[str, Mapping[str, Plugin]] = field(default_factory=plugins_by_kind)
     textures: list[dict[str, Any]] = field(default_factory=list)
+    lookups: list[int] = field(default_factory=list)  # of each texture, how many it takes
     bsdfs: list[dict[str, Any]] = field(default_factory=list)
     transmissive: list[bool] = field(default_factory=list)  # of each bsdf, whether light passes through
     adapters: list[dict[str, Any]] = field(default_factory=list)
@@ -245,9 +248,20 @@ class Builder:
     def add(self, where: str, entry: dict[str, Any], node: Node) -> int:
         """Adds an entry to a list of the description; its index."""
         entries: list[dict[str, Any]] = getattr(self, where)
+        if where == "textures":
+            self._count_lookups(entry, node)
         self.places[f"{where}[{len(entries)}]"] = node.location
         entries.append(entry)
         return len(entries) - 1
+
+    def _count_lookups(self, entry: dict[str, Any], node: Node) -> None:
+        """Textures that are read more than once by each other take twice as long at every level."""
+        inner = (value["texture"] for value in entry.values() if isinstance(value, dict))
+        lookups = 1 + sum(self.lookups[index] for index in inner)
+        if lookups > MOST_LOOKUPS:
+            message = f"{node} and the textures inside it are more than {MOST_LOOKUPS} to look up"
+            raise SceneError(message, node.location)
+        self.lookups.append(lookups)
 
     def add_once(self, where: str, entry: dict[str, Any], node: Node) -> int:
         """The index of an entry of a list; the same one is not added twice."""

@@ -116,8 +116,11 @@ def _vector(builder: Builder, owner: Node, prop: Property, field: Field) -> tupl
 
 
 def _transform(builder: Builder, owner: Node, prop: Property, field: Field) -> np.ndarray | None:
+    given = getattr(prop.value, "matrix", prop.value)
+    if getattr(given, "size", 16) > 16:
+        return None
     try:
-        value = np.asarray(getattr(prop.value, "matrix", prop.value), dtype=np.float64)
+        value = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         return None
     if value.shape not in ((4, 4), (3, 3)):
@@ -184,6 +187,8 @@ def _six(values: tuple[float, ...] | None) -> tuple[float, ...] | None:
 def _floats(builder: Builder, owner: Node, prop: Property, field: Field) -> tuple[float, ...] | None:
     if isinstance(prop.value, str):
         return tuple(parse_numbers(Text(prop.value, prop.location)))
+    if getattr(prop.value, "ndim", 1) != 1:
+        return None
     try:
         values = np.asarray(prop.value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

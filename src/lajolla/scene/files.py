@@ -2,12 +2,34 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import os
+import stat
 from collections.abc import Iterable
 from pathlib import Path
 
 from .errors import Location, SceneError
+
+MAX_BYTES = 1 << 34  # of a file that is read as a whole
+
+
+def file_bytes(path: Path) -> bytes:
+    """All bytes of a file; of a device or a pipe there might be no end.
+
+    Raises:
+        OSError: it cannot be read; it is no file, or too large.
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EINVAL, "not a file")
+    if status.st_size > MAX_BYTES:
+        raise OSError(errno.EFBIG, f"larger than {MAX_BYTES:,} bytes")
+    with path.open("rb") as file:
+        data = file.read(max(status.st_size, 4096))
+        if len(data) > status.st_size or file.read(1):  # it grows, or is made up by the system
+            raise OSError(errno.EINVAL, "not a file that stays the same")
+    return data
 
 
 class MissingFile(SceneError):

@@ -18,7 +18,7 @@ import numpy as np
 from .assemble import NEVER_LIGHTS
 from .build import Builder, is_child, named
 from .convert import constant_or_texture, convert
-from .files import MissingFile
+from .files import MissingFile, file_bytes
 from .images import Pixels, is_integer_file, read_pixels
 from .mitsuba3_instances import Contents, group, instances
 from .mitsuba3_plugins import (
@@ -167,7 +167,7 @@ class Translator:
             written.encode()
         except UnicodeEncodeError:  # XML cannot name the file: a copy gets another name
             written = f"{self.stem}-files/{len(self.packed)}{path.suffix}"
-            self.packed[written] = path.read_bytes()
+            self.packed[written] = file_bytes(path)
             self.copied[written] = path
         return written
 

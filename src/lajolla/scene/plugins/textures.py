@@ -54,12 +54,12 @@ def decode(pixels: Pixels, gamma: float = -1.0) -> Pixels:
 def _from_array(builder: Builder, node: Node, data: Content) -> Content:
     try:
         array = np.asarray(data)
+        array = array[:, :, None] if array.ndim == 2 else array
+        if array.ndim != 3 or array.shape[2] not in (1, 3) or 0 in array.shape:
+            raise SceneError(f'"data" of {node} must have the shape (height, width, 1 or 3)', node.location)
         array = array if array.dtype in (np.uint8, np.float16, np.float32) else array.astype(np.float32)
     except (TypeError, ValueError):
         raise SceneError(f'"data" of {node} is not an array', node.location) from None
-    array = array[:, :, None] if array.ndim == 2 else array
-    if array.ndim != 3 or array.shape[2] not in (1, 3) or 0 in array.shape:
-        raise SceneError(f'"data" of {node} must have the shape (height, width, 1 or 3)', node.location)
     return builder.core.Image(np.ascontiguousarray(array), srgb=False)
 
 

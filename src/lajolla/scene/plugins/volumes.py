@@ -90,14 +90,13 @@ def _finite(builder: Builder, array: npt.NDArray[np.generic], location: Location
 def _from_array(node: Node, data: Content) -> npt.NDArray[np.generic]:
     try:
         array = np.asarray(data)
-        array = array if array.dtype in KEPT else array.astype(np.float32)
+        array = array[..., None] if array.ndim == 3 else array
+        if array.ndim != 4 or array.shape[3] not in (1, 3, 6) or 0 in array.shape:
+            message = f'"data" of {node} must have the shape (depth, height, width[, 1, 3 or 6])'
+            raise SceneError(message, node.location)
+        return array if array.dtype in KEPT else array.astype(np.float32)
     except (TypeError, ValueError):
         raise SceneError(f'"data" of {node} is not an array', node.location) from None
-    array = array[..., None] if array.ndim == 3 else array
-    if array.ndim != 4 or array.shape[3] not in (1, 3, 6) or 0 in array.shape:
-        message = f'"data" of {node} must have the shape (depth, height, width[, 1, 3 or 6])'
-        raise SceneError(message, node.location)
-    return array
 
 
 def _unsupported(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
