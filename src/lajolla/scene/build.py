@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeGuard
@@ -43,21 +43,50 @@ MOST_LOOKUPS = 1024  # that one texture may take
 LISTS = {"phase": "phases", "medium": "media"}
 
 
+@dataclass
+class Plugins(Mapping[str, Plugin]):
+    """The plugins of a kind by their names in lower case; each is put together when it is first asked for."""
+
+    makers: dict[str, Callable[[], Plugin]] = field(default_factory=dict)
+    made: dict[str, Plugin] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Plugin:
+        if name not in self.made:
+            self.made[name] = self.makers[name]()
+        return self.made[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.makers
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.makers)
+
+    def __len__(self) -> int:
+        return len(self.makers)
+
+
 @cache
 def plugins_by_kind() -> Mapping[str, Mapping[str, Plugin]]:
     """Every plugin that scenes may use: the core's models, and the reader's own in front of them."""
     schema = core_schema()
-    table: dict[str, dict[str, Plugin]] = {}
+    table: dict[str, Plugins] = {}
     for kind, models in schema.items():
         if kind == "adapter":
             continue  # the reader's own plugins make them
-        for name, model in models.items():
-            fields = fields_of(schema, kind, name)
-            plugin = Plugin(kind, name, model["doc"], fields, _entry, CHILDREN.get(kind, ()), model=name)
-            table.setdefault(kind, {})[name.lower()] = plugin
+        for name in models:
+            table.setdefault(kind, Plugins()).makers[name.lower()] = partial(_of_model, kind, name)
     for plugin in READER_PLUGINS:
-        table.setdefault(plugin.kind, {})[plugin.name.lower()] = plugin.with_model(schema)
+        table.setdefault(plugin.kind, Plugins()).makers[plugin.name.lower()] = partial(
+            plugin.with_model, schema
+        )
     return table
+
+
+def _of_model(kind: str, name: str) -> Plugin:
+    """A model of the core as a plugin."""
+    schema = core_schema()
+    fields, doc = fields_of(schema, kind, name), schema[kind][name]["doc"]
+    return Plugin(kind, name, doc, fields, _entry, CHILDREN.get(kind, ()), model=name)
 
 
 def _entry(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
