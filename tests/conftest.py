@@ -1,6 +1,8 @@
 """Fixtures for all tests."""
 
 import os
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -24,13 +26,32 @@ def repository() -> Path:
     return ROOT
 
 
-@pytest.fixture(scope="session")
-def shared_scenes() -> Path:
-    """The folder of public scenes beside the checkout; a test without it is skipped, but fails in CI."""
-    folder = ROOT.parent / "shared" / "scenes"
+def shared(name: str) -> Path:
+    """A folder beside the checkout; a test without it is skipped, but fails in CI."""
+    folder = ROOT.parent / "shared" / name
     if not folder.is_dir():
-        message = "the public scenes (../shared/scenes beside the checkout) are not here"
+        message = f"the public {name} (../shared/{name} beside the checkout) are not here"
         if os.environ.get("CI"):
             pytest.fail(message)
         pytest.skip(message)
     return folder
+
+
+@pytest.fixture(scope="session")
+def shared_scenes() -> Path:
+    """The folder of public scenes."""
+    return shared("scenes")
+
+
+@pytest.fixture(scope="session")
+def shared_cases() -> Path:
+    """The folder of small inputs that once failed."""
+    return shared("cases")
+
+
+@pytest.fixture
+def as_from_a_terminal() -> Iterator[None]:
+    """A shell starts its background jobs with SIGINT ignored; a terminal's programs hear it."""
+    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, previous)

@@ -293,14 +293,6 @@ def interrupting_display(signum: signal.Signals) -> Callable[..., object]:
     return progress_display
 
 
-@pytest.fixture
-def as_from_a_terminal() -> Iterator[None]:
-    """A shell starts its background jobs with SIGINT ignored; a terminal's programs hear it."""
-    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, previous)
-
-
 @pytest.mark.usefixtures("as_from_a_terminal")
 @pytest.mark.parametrize(("signum", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_interrupted_render_saves_what_is_there(

@@ -101,7 +101,8 @@ def test_full_disk_is_an_error(
 ) -> None:
     # The temporary file is a link to a device that is always full.
     monkeypatch.setattr(image.secrets, "token_hex", lambda size: "00")
-    (tmp_path / f".{os.getpid()}-00{ending}").symlink_to("/dev/full")
+    prefix = image._temporary_prefix(tmp_path / f"a{ending}")
+    (tmp_path / f"{prefix}{os.getpid()}-00{ending}").symlink_to("/dev/full")
     with pytest.raises(image.ImageError, match=f"a{ending}"):
         image.write(tmp_path / f"a{ending}", picture)
     assert list(tmp_path.iterdir()) == []

@@ -1,5 +1,6 @@
 """What a start of the program costs: only what a command needs is loaded, and the core is asked once."""
 
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -103,6 +104,29 @@ def test_the_core_is_asked_once_about_a_bsdf(monkeypatch: pytest.MonkeyPatch) ->
     balls = {f"ball{i}": {"type": "sphere", "bsdf": {"type": "ref", "id": "shared"}} for i in range(5)}
     lajolla.load_dict({"type": "scene", "shared": paint, "sensor": {"type": "perspective"}, **balls})
     assert asked == ["plastic"]
+
+
+def test_plugins_nobody_asks_for_are_not_put_together(tmp_path: Path) -> None:
+    code = """
+import lajolla
+from lajolla.scene import plugins_by_kind
+
+lajolla.load_dict({"type": "scene", "sensor": {"type": "perspective"}}, size=(2, 2))
+print(sum(len(plugins.made) for plugins in plugins_by_kind().values()))
+"""
+    assert int(last_line(code, tmp_path)) <= 8
+
+
+def test_help_is_there_before_anybody_waits(tmp_path: Path) -> None:
+    def seconds() -> float:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(
+            [sys.executable, "-m", "lajolla", "--help"], cwd=tmp_path, capture_output=True, check=True
+        )
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+    assert min(seconds() for _ in range(3)) < 0.35
 
 
 def test_names_of_the_package_are_found_when_asked_for() -> None:

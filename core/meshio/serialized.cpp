@@ -18,6 +18,9 @@ namespace {
 
 constexpr uint16_t magic = 0x041c;
 constexpr size_t header_size = 4;
+constexpr uint64_t most_unused = 1 << 18; // vertices that no triangle needs
+// A stream is inflated to so many bytes, and so many more for each of its own.
+constexpr size_t small_stream = 1 << 24, most_packing = 32;
 
 enum Flags : uint32_t {
     has_normals = 0x0001,
@@ -81,7 +84,8 @@ size_t find_shape(std::span<const std::byte> file, int shape_index) {
 class Inflater {
 public:
     Inflater(std::span<const std::byte> file, size_t offset)
-        : start(offset), input(file.subspan(offset)), stream(new z_stream{}) {
+        : start(offset), input(file.subspan(offset)), limit(small_stream + most_packing * input.size()),
+          stream(new z_stream{}) {
         if (inflateInit(stream.get()) != Z_OK) throw MeshError("zlib cannot be initialized");
     }
 
@@ -142,6 +146,8 @@ private:
         int status = inflate(stream.get(), Z_NO_FLUSH);
         input = input.subspan(in_size - stream->avail_in);
         out = out.subspan(out_size - stream->avail_out);
+        if (stream->total_out > limit)
+            fail("more than " + std::to_string(limit) + " bytes are packed into so small a file");
         if (status ==
             Z_BUF_ERROR) // no progress: there is room for output, so it is the input that is missing
             fail("the file ends too early");
@@ -158,6 +164,7 @@ private:
 
     size_t start; // of the compressed data
     std::span<const std::byte> input;
+    size_t limit; // of bytes that come out
     std::unique_ptr<z_stream, End> stream;
 };
 
@@ -175,6 +182,10 @@ MeshData read_mesh(Inflater &data, uint16_t version) {
     auto triangle_count = data.read<uint64_t>();
     if (std::max(vertex_count, triangle_count) >= std::numeric_limits<uint32_t>::max())
         data.fail("the mesh claims more than 2^32 vertices or triangles");
+
+    if (vertex_count > most_unused + 16 * triangle_count)
+        data.fail("the mesh claims " + std::to_string(vertex_count) + " vertices for " +
+                  std::to_string(triangle_count) + " triangles");
 
     auto read_floats = [&](uint64_t count, auto &elements) {
         if (flags & double_precision) data.read_array<double, float>(count, elements);

@@ -1,7 +1,18 @@
-"""`python -m lajolla`: the command line."""
+"""`python -m lajolla`, and the program `lajolla`: the command line."""
 
 import sys
 
-from lajolla.cli import main
+from lajolla import interrupts
 
-sys.exit(main())
+
+def main() -> int:
+    """Runs the command line; loading it can be interrupted as well."""
+    with interrupts.handled_by(interrupts.end_at_once):
+        from lajolla import cli, display
+
+        display.open_streams()
+        return cli.main()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

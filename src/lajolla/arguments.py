@@ -21,6 +21,9 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, **settings: Any) -> None:  # noqa: ANN401
         super().__init__(allow_abbrev=False, **settings)
 
+    def print_help(self, file: Any = None) -> None:  # noqa: ANN401
+        print(self.format_help(), end="", file=file)  # the original hides what goes wrong
+
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message}\n(see {self.prog} --help)")
 

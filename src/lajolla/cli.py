@@ -10,41 +10,48 @@ import argparse
 import json
 import os
 import resource
-import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from types import FrameType
-from typing import Any, NoReturn, TextIO
+from typing import Any, TextIO
 
 import lajolla  # its modules are loaded when they are first used, which no --help does
 from lajolla.arguments import UsageError, for_each_sensor, parse, replay_command
-from lajolla.display import progress_display, rate, say, size_in_memory
-
-
-class Terminated(KeyboardInterrupt):
-    """SIGTERM, which is treated like Ctrl-C."""
+from lajolla.display import discard, progress_display, rate, safe_messages, say, size_in_memory
+from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Runs one command line (by default the process's own) and returns its exit code."""
-    signal.signal(signal.SIGTERM, _terminate)
+    with handled_by(end_at_once), safe_messages():
+        try:
+            return _run_command(_parsed(sys.argv[1:] if words is None else words))
+        except UsageError as error:
+            say(f"error: {error}")
+        except MemoryError:
+            say("error: not enough memory")
+        except BrokenPipeError:  # the reader of our output has seen enough, as in `lajolla list | head`
+            discard(sys.stdout)
+        except (OSError, lajolla.processor.LevelError) as error:
+            say(f"error: {error}")
+            discard(sys.stdout)
+        except KeyboardInterrupt as interrupt:
+            say("interrupted; nothing was written")
+            return interrupt.exit_code if isinstance(interrupt, Interrupt) else 130
+        except Exception as error:  # a fault of ours, or of a library: one line, as all else
+            say(f"error: {type(error).__name__}: {next(iter(str(error).splitlines()), '')}")
+        return 1
+
+
+def _parsed(words: Sequence[str]) -> argparse.Namespace:
     try:
-        return _run_command(parse(sys.argv[1:] if words is None else words))
-    except UsageError as error:
-        say(f"error: {error}")
-    except MemoryError:
-        say("error: not enough memory")
-    except BrokenPipeError:  # the reader of our output has seen enough, as in `lajolla list | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except (OSError, lajolla.processor.LevelError) as error:
-        say(f"error: {error}")
-    except KeyboardInterrupt as interrupt:
-        say("interrupted; nothing was written")
-        return _exit_code(interrupt)
-    return 1
+        return parse(words)
+    except SystemExit:  # of --help, which may have had nowhere to go
+        sys.stdout.flush()
+        raise
 
 
 def _run_command(arguments: argparse.Namespace) -> int:
@@ -61,14 +68,6 @@ def _run_command(arguments: argparse.Namespace) -> int:
     except refusals as error:
         say(f"error: {error}")
     return 1
-
-
-def _terminate(signum: int, frame: FrameType | None) -> NoReturn:
-    raise Terminated
-
-
-def _exit_code(interrupt: KeyboardInterrupt) -> int:
-    return 128 + (signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT)
 
 
 def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Scene:
@@ -98,7 +97,7 @@ def command_render(arguments: argparse.Namespace) -> int:
     if arguments.pixel is None:  # what would fail after hours of rendering fails now
         for output in outputs:
             lajolla.image.check_output(output)
-        if arguments.stats is not None and not _is_device(arguments.stats):
+        if arguments.stats is not None and str(arguments.stats) not in STREAMS:
             lajolla.image.check_folder(arguments.stats)
     scene = load(arguments)
     for warning in scene.warnings:
@@ -116,36 +115,47 @@ def command_render(arguments: argparse.Namespace) -> int:
     if scene.core.channels and not any(output.suffix.lower() in holding for output in outputs):
         say(f"warning: only {' and '.join(holding)} files hold all channels of this scene")
     rendering = scene.rendering(threads=arguments.threads)
-    interrupt = _run(rendering, scene, quiet=arguments.quiet)
-    if rendering.samples == 0 and interrupt is not None:
-        raise interrupt
+    patience = Patience()
+    with handled_by(patience):
+        _run(rendering, scene, quiet=arguments.quiet)
+        if rendering.samples == 0 and patience.interrupt is not None:
+            raise patience.interrupt
+        patience.save(_save, outputs, scene, rendering, arguments)
+        names = ", ".join(str(output) for output in outputs)
+        if patience.interrupt is not None:
+            say(f"interrupted; wrote {names} with {rendering.samples} of {rendering.spp} samples per pixel")
+            return patience.interrupt.exit_code
+        if not arguments.quiet:
+            say(f"wrote {names} ({_summary(scene, rendering)})")
+    return 0
+
+
+def _run(rendering: lajolla.Rendering, scene: lajolla.Scene, *, quiet: bool) -> None:
+    """Renders to the end, or until an interrupt."""
+    with (
+        suppress(Interrupt),
+        progress_display(pixels=scene.width * scene.height, quiet=quiet) as observe,
+    ):
+        rendering.run(observe)
+
+
+def _save(
+    outputs: Sequence[Path],
+    scene: lajolla.Scene,
+    rendering: lajolla.Rendering,
+    arguments: argparse.Namespace,
+) -> None:
+    """Writes all that a render was asked for."""
     _write_outputs(outputs, rendering.image(), arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         _write_stats(arguments.stats, statistics(scene, rendering))
-    names = ", ".join(str(output) for output in outputs)
-    if interrupt is not None:
-        say(f"interrupted; wrote {names} with {rendering.samples} of {rendering.spp} samples per pixel")
-        return _exit_code(interrupt)
-    if not arguments.quiet:
-        say(f"wrote {names} ({_summary(scene, rendering)})")
-    return 0
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
     names = lajolla.scene.sensor_names(arguments.scene, parameters=dict(arguments.parameters))
     codes = (command_render(each) for each in for_each_sensor(arguments, names))
     return next((code for code in codes if code != 0), 0)
-
-
-def _run(rendering: lajolla.Rendering, scene: lajolla.Scene, *, quiet: bool) -> KeyboardInterrupt | None:
-    """Renders to the end, or until the interrupt that it returns."""
-    try:
-        with progress_display(pixels=scene.width * scene.height, quiet=quiet) as observe:
-            rendering.run(observe)
-    except KeyboardInterrupt as interrupt:
-        return interrupt
-    return None
 
 
 def _write_outputs(outputs: Sequence[Path], picture: lajolla.Image, arguments: argparse.Namespace) -> None:
@@ -207,18 +217,11 @@ def statistics(scene: lajolla.Scene, rendering: lajolla.Rendering) -> dict[str, 
 STREAMS = {"/dev/stdout": "stdout", "/dev/stderr": "stderr"}
 
 
-def _is_device(path: Path) -> bool:
-    """Whether this is a pipe, a terminal or the like, which is written to instead of replaced."""
-    return str(path) in STREAMS or (path.exists() and not path.is_file() and not path.is_dir())
-
-
 def _write_stats(path: Path, stats: dict[str, Any]) -> None:
     text = json.dumps(stats, indent=2) + "\n"
     if str(path) in STREAMS:  # opening these anew would cut off a file that they lead to
         stream: TextIO = getattr(sys, STREAMS[str(path)])
         stream.write(text)
-    elif _is_device(path):
-        path.write_text(text)
     else:
         with lajolla.image.replacing(path) as temporary:
             temporary.write_text(text)
@@ -238,6 +241,16 @@ def command_convert(arguments: argparse.Namespace) -> int:
     )
     for warning in result.warnings:
         print(warning, file=sys.stderr)
+    patience = Patience()
+    with handled_by(patience):
+        patience.save(_write_export, target, result)
+    count = len(result.files)
+    files = f" and {count} file{'s' if count > 1 else ''} in {target.stem}-files" if count else ""
+    say(f"wrote {target}{files}")
+    return 0
+
+
+def _write_export(target: Path, result: lajolla.scene.Export) -> None:
     for name, content in result.files.items():
         path = target.parent / name
         path.parent.mkdir(exist_ok=True)
@@ -248,10 +261,6 @@ def command_convert(arguments: argparse.Namespace) -> int:
             lajolla.image.write(path, content)
     with lajolla.image.replacing(target) as temporary:
         temporary.write_text(result.text, encoding="utf-8")
-    count = len(result.files)
-    files = f" and {count} file{'s' if count > 1 else ''} in {target.stem}-files" if count else ""
-    say(f"wrote {target}{files}")
-    return 0
 
 
 def command_check(arguments: argparse.Namespace) -> int:

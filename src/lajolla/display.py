@@ -2,15 +2,74 @@
 
 from __future__ import annotations
 
+import io
+import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, TypeAlias
+from contextlib import contextmanager, redirect_stderr, suppress
+from typing import TYPE_CHECKING, TextIO, TypeAlias
 
 if TYPE_CHECKING:
     from lajolla.render import Progress
 
 Observer: TypeAlias = "Callable[[Progress], None]"
+
+
+class Messages(io.TextIOBase):
+    """A text stream in front of another one; what that does not take is lost, and nothing else is."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        return self.stream.encoding
+
+    def write(self, text: str) -> int:
+        try:
+            self.stream.write(text)
+            self.stream.flush()
+        except (OSError, ValueError):
+            discard(self.stream)
+        return len(text)
+
+    def isatty(self) -> bool:
+        return self.stream.isatty()
+
+    def fileno(self) -> int:
+        return self.stream.fileno()
+
+
+def discard(stream: TextIO) -> None:
+    """Lets go nowhere what is written to a stream, and what it still holds when Python ends."""
+    with suppress(OSError, ValueError):  # it is no file
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+
+
+def open_streams() -> None:
+    """Puts something in the place of standard streams that are closed: files would get their numbers.
+
+    Messages are lost then, but results have to go somewhere: writing them fails.
+    """
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDONLY if name == "stdout" else os.O_RDWR)  # gets the lowest number
+        if getattr(sys, name) is None:
+            mode = "r" if name == "stdin" else "w"
+            setattr(sys, name, open(descriptor, mode, closefd=False))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):  # names of files can be any bytes
+        stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+
+
+@contextmanager
+def safe_messages() -> Iterator[None]:
+    """Within it nothing fails because a message cannot be told."""
+    with redirect_stderr(Messages(sys.stderr)):
+        yield
 
 
 def say(message: str) -> None:

@@ -1,6 +1,8 @@
 """Pictures in and out: float32 arrays of linear RGB, files by way of OpenImageIO, and error measures."""
 
+import hashlib
 import os
+import platform
 import secrets
 import shutil
 import tempfile
@@ -16,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, RGB_TO_XYZ, Film, FloatImage, matrix_text
+from lajolla.picture_files import PictureError, channel_names, opened, plain_name, reason
 
 HIGH_RANGE = (".exr", ".hdr", ".pfm")
 MATRIX = (".npy", ".m")
@@ -136,29 +139,24 @@ def read(path: str | os.PathLike[str]) -> FloatImage:
     path = Path(path)
     if not path.is_file():
         raise ImageError(f"{path}: {'not a file' if path.exists() else 'no such file'}")
-    import OpenImageIO as oiio  # here, because it takes long and many commands need no pictures
-
-    config = oiio.ImageSpec()
-    config.attribute("pnm:pfmflip", 0)
-    config.attribute("oiio:UnassociatedAlpha", 1)  # nothing is multiplied by alpha
-    source = oiio.ImageInput.open(str(path), config)
-    if source is None:
-        raise ImageError(f"{path}: cannot be read as a picture: {_first_line(oiio.geterror())}")
-    spec = source.spec()
-    whole = str(spec.format) == "uint"  # EXR files of whole numbers, which mean themselves
-    pixels = source.read_image("uint" if whole else "float")
-    problem = source.geterror()
-    source.close()
+    try:
+        with opened(path) as source:
+            spec = source.spec()
+            whole = str(spec.format) == "uint"  # EXR files of whole numbers, which mean themselves
+            pixels = source.read_image("uint" if whole else "float")
+            problem = reason(source, "")
+    except PictureError as error:
+        raise ImageError(f"{path}: cannot be read as a picture: {error}") from None
     if pixels is None or problem:
-        raise ImageError(f"{path}: cannot be read: {_first_line(problem)}")
+        raise ImageError(f"{path}: cannot be read: {problem or 'unknown reason'}")
     if path.suffix.lower() == ".pfm":
         pixels = pixels[::-1]
-    rgb = _rgb(pixels.astype(np.float32, copy=False), spec.channelnames)
+    rgb = _rgb(pixels.astype(np.float32, copy=False), channel_names(spec))
     linear = whole or str(spec.format) in ("half", "float", "double")
     return np.ascontiguousarray(rgb if linear else decode_srgb(rgb))
 
 
-def _rgb(pixels: FloatImage, names: tuple[str, ...]) -> FloatImage:
+def _rgb(pixels: FloatImage, names: list[str]) -> FloatImage:
     if {"R", "G", "B"} <= set(names):
         return pixels[..., [names.index(channel) for channel in "RGB"]]
     if {"X", "Y", "Z"} <= set(names):
@@ -180,17 +178,34 @@ def check_output(path: str | os.PathLike[str]) -> None:
 
 
 def check_folder(path: Path) -> None:
-    """Raises ImageError when no file can be made at `path`."""
-    folder = path.resolve().parent
-    if not folder.is_dir():
-        raise ImageError(f"{path}: there is no folder {folder}")
+    """Raises ImageError when no file can be made at `path`, and nothing that is there can be written to."""
     try:
-        if path.is_dir():
+        target = _target(path)
+        if is_device(path):
+            if not os.access(path, os.W_OK):
+                raise ImageError(f"{path}: is not writable")
+            return
+        if not target.parent.is_dir():
+            raise ImageError(f"{path}: there is no folder {target.parent}")
+        if target.is_dir():
             raise ImageError(f"{path}: is a folder")
     except OSError as error:  # the name is too long
         raise ImageError(f"{path}: {error.strerror}") from error
-    if not os.access(folder, os.W_OK):
-        raise ImageError(f"{path}: the folder {folder} is not writable")
+    if not os.access(target.parent, os.W_OK):
+        raise ImageError(f"{path}: the folder {target.parent} is not writable")
+
+
+def _target(path: Path) -> Path:
+    """The file that a link leads to, which need not be there; the path itself where it is no link."""
+    target = Path(os.path.realpath(path))
+    if target.is_symlink():
+        raise ImageError(f"{path}: is a link that leads to itself")
+    return target
+
+
+def is_device(path: Path) -> bool:
+    """Whether this is a pipe, a terminal or the like, which is written to instead of replaced."""
+    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def check_space(path: Path, width: int, height: int, channels: int = 3) -> None:
@@ -198,7 +213,8 @@ def check_space(path: Path, width: int, height: int, channels: int = 3) -> None:
     ending = path.suffix.lower()
     channel = 1 if ending in LOW_RANGE else 4  # bytes
     needed = (channels if ending in HOLD_CHANNELS else 3) * width * height * channel + 65536
-    if shutil.disk_usage(path.resolve().parent).free < needed:
+    folder = tempfile.gettempdir() if is_device(path) else _target(path).parent
+    if shutil.disk_usage(folder).free < needed:
         raise ImageError(f"{path}: no space left on the disk; the picture may need {needed / 2**20:.1f} MiB")
 
 
@@ -287,37 +303,62 @@ def write_encoded(
         spec.attribute("oiio:ColorSpace", "sRGB")
         spec.attribute("oiio:UnassociatedAlpha", 1)  # nothing is divided by alpha
         spec.attribute("CompressionQuality", 95)
-    with replacing(path) as temporary:
+    with replacing(path) as temporary, plain_name(temporary) as name:
         if path.suffix.lower() in JPEG:  # libjpeg ends the process when the disk is full: ask before
             check_space(path, width, height)
-        output = oiio.ImageOutput.create(str(temporary))
+        output = oiio.ImageOutput.create(name)
         if output is None:
-            raise ImageError(f"{path}: {_first_line(oiio.geterror())}")
-        done = output.open(str(temporary), spec) and output.write_image(np.ascontiguousarray(pixels))
+            raise ImageError(f"{path}: {reason(oiio)}")
+        done = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
         done = output.close() and done
-        problem = output.geterror()  # the PNG writer reports success when the disk is full
+        problem = reason(output, "")  # the PNG writer reports success when the disk is full
         if not done or problem:
-            raise ImageError(f"{path}: cannot be written: {_first_line(problem)}")
+            raise ImageError(f"{path}: cannot be written: {problem or 'unknown reason'}")
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path of the same ending that takes the place of `path` when the block succeeds."""
-    target = path.resolve()  # a symbolic link stays a link
-    temporary = target.with_name(f".{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
+    """A temporary path of the same ending that takes the place of `path` when the block succeeds.
+
+    Where there is a pipe or a device, the bytes are written to it instead. A link stays a link.
+    """
     try:
-        yield temporary
-        with open(temporary, "rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(temporary, target)
+        target, device = _target(path), is_device(path)
+        folder = Path(tempfile.gettempdir()) if device else target.parent
+        prefix = _temporary_prefix(target)
+        _remove_abandoned(folder, prefix)
+        temporary = folder / f"{prefix}{os.getpid()}-{secrets.token_hex(4)}{path.suffix}"
+        try:
+            yield temporary
+            if device:
+                with open(temporary, "rb") as file, open(os.open(path, os.O_WRONLY), "wb") as stream:
+                    shutil.copyfileobj(file, stream)
+                return
+            with open(temporary, "rb+") as file:
+                os.fsync(file.fileno())
+            os.replace(temporary, target)
+        finally:
+            temporary.unlink(missing_ok=True)
     except OSError as error:
         raise ImageError(f"{path}: cannot be written: {error.strerror}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
-def _first_line(text: str) -> str:
-    return text.strip().splitlines()[0] if text.strip() else "unknown reason"
+def _temporary_prefix(target: Path) -> str:
+    """How the names of temporary files for a target begin; those of other machines begin otherwise."""
+    origin = os.fsencode(target) + b"\0" + platform.node().encode()
+    return f".lajolla-{hashlib.blake2b(origin, digest_size=6).hexdigest()}-"
+
+
+def _remove_abandoned(folder: Path, prefix: str) -> None:
+    """Removes the temporary files of processes that were killed while they wrote."""
+    for left in folder.glob(f"{prefix}*"):
+        process = left.name[len(prefix) :].partition("-")[0]
+        try:
+            os.kill(int(process), 0)
+        except ProcessLookupError:
+            left.unlink(missing_ok=True)
+        except (ValueError, OSError):  # it is not ours, or another user's
+            continue
 
 
 @dataclass(frozen=True)

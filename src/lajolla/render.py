@@ -211,9 +211,10 @@ class Scene:
 
     def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
         start = time.perf_counter()
+        core = apply_options(description.core, options)
         try:
-            self.core = _core.Scene(apply_options(description.core, options))
-        except _core.DescriptionError as problem:
+            self.core = _core.Scene(core)
+        except Exception as problem:
             raise description.refusal(problem) from None
         self.film = description.film
         self.sensors = description.sensors  # ids, or numbers, of all that there are

@@ -11,6 +11,7 @@ from pathlib import Path
 from lajolla import _core
 from lajolla.render import OptionError, Scene
 from lajolla.scene import SceneError
+from lajolla.scene.files import file_bytes
 
 INCLUDE = re.compile(rb"""<include\s[^>]*filename\s*=\s*["']([^"']*)""")
 PARAMETER = re.compile(r"\$\w+")
@@ -68,7 +69,7 @@ def _included_names(texts: Iterable[bytes]) -> re.Pattern[str]:
 
 def _text(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return file_bytes(path)
     except OSError:  # a file that may not be read
         return b""
 

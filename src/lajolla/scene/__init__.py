@@ -16,6 +16,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from lajolla import _core
 from lajolla.film import Film
 
@@ -23,7 +25,7 @@ from . import cameras
 from .assemble import assemble
 from .build import Builder, plugins_by_kind
 from .dict_reader import nodes_from_dict
-from .errors import Diagnostics, Location, SceneError, SceneWarning
+from .errors import Diagnostics, Location, SceneError, SceneWarning, blamed_on, reason_of
 from .expand import expand_file
 from .images import Pixels
 from .plugins import READER_PLUGINS
@@ -66,8 +68,11 @@ class Description:
         """The error to raise when the core refuses the description: the core's message at its place.
 
         Args:
-            problem: a `_core.DescriptionError`; its text begins with the entry, as in "shapes[3]: ...".
+            problem: what it raises; the text of a `_core.DescriptionError` begins with the entry, as in
+                "shapes[3]: ...".
         """
+        if not isinstance(problem, _core.DescriptionError):
+            return SceneError(reason_of(problem), self.places.get("scene"))
         entry = re.match(r"(\w+(?:\[\d+\])?)(?: \(\w+\))?(?:\.|: )(.*)", str(problem), re.DOTALL)
         if entry is None or entry[1] not in self.places:
             return SceneError(str(problem), self.places.get("scene"))
@@ -150,10 +155,11 @@ def export(
     tree, builder = _read(Path(path), parameters, strict)
     description = _describe(tree, builder)
     diagnostics = Diagnostics()
-    translator = Translator(
-        replace(builder, diagnostics=diagnostics), Path(target).parent, Path(target).stem, pack
-    )
-    text = scene_text(translator.scene(tree.root, description.core))
+    target = Path(target)
+    stem = target.stem.encode("utf-8", "replace").decode()
+    translator = Translator(replace(builder, diagnostics=diagnostics), target.parent, stem, pack)
+    with blamed_on(tree.root.location):
+        text = scene_text(translator.scene(tree.root, description.core))
     told = {warning.message for warning in description.warnings}
     new = [warning for warning in diagnostics.warnings if warning.message not in told]
     return Export(text, translator.packed, [*description.warnings, *new])
@@ -200,13 +206,15 @@ def _read(path: Path, parameters: Mapping[str, str], strict: bool) -> tuple[Tree
     document = expand_file(path, parameters, diagnostics)
     tree = nodes_from_elements(document.root, diagnostics)
     builder = Builder(_core, diagnostics, document.search_paths)
-    upgrade(tree.nodes, builder.table, diagnostics)
+    with blamed_on(tree.root.location):
+        upgrade(tree.nodes, builder.table, diagnostics)
     return tree, builder
 
 
 def _describe(tree: Tree, builder: Builder) -> Description:
-    resolve(tree)
-    cameras.spread(tree.root, builder.diagnostics)
-    core = assemble(builder, tree.root)
+    with blamed_on(tree.root.location), np.errstate(all="ignore"):  # the core checks for numbers
+        resolve(tree)
+        cameras.spread(tree.root, builder.diagnostics)
+        core = assemble(builder, tree.root)
     warnings, names = builder.diagnostics.warnings, cameras.names(tree.root)
     return Description(core, warnings, builder.places, builder.film, names)

@@ -12,7 +12,7 @@ from .build import Builder
 from .default_camera import default_camera
 from .errors import SceneError, did_you_mean
 from .inside import is_inside
-from .instances import add_instance
+from .instances import add_instance, check_size
 from .mapping import warn_of_missing_coordinates
 from .nodes import Node, Property, Rgb
 from .outputs import description_of, repeated
@@ -34,6 +34,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     for prop in scene.properties:
         if not isinstance(prop.value, Node):
             builder.diagnostics.unknown(f'a scene has no property "{prop.name}"', prop.name_location)
+    check_size(scene)
     for _, node in scene.children("shape"):
         _add_shape(builder, node)
     _warn_of_unused_area_lights(builder, scene)

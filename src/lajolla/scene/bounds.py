@@ -46,9 +46,10 @@ def _bounds(builder: Builder, entry: dict[str, Any]) -> Bounds | None:
     if kind == "bitmap":
         beyond = OUTSIDE.get(entry.get("wrap_mode", ""))
         return _hull([entry["image"].bounds(), *([] if beyond is None else [(beyond, beyond)])])
-    if kind == "clamped":
-        return entry["low"], entry["high"]
     fields = builder.table["texture"][kind].fields
+    if kind == "clamped":
+        default = {f.name: f.default for f in fields}
+        return entry.get("low", default["low"]), entry.get("high", default["high"])
     parts = [entry.get(f.name, f.default) for f in fields if f.type == "texture_spectrum"]
     known = [bounds for part in parts if (bounds := bounds_of(builder, part)) is not None]
     if not parts or len(known) < len(parts):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeGuard
@@ -12,7 +12,7 @@ from typing import Any, TypeGuard
 from lajolla.film import Film
 
 from .convert import convert
-from .errors import Diagnostics, Location, SceneError, did_you_mean
+from .errors import Diagnostics, Location, SceneError, blamed_on, did_you_mean
 from .files import MissingFile, find_file
 from .nodes import Node, Property
 from .outputs import Picture
@@ -37,25 +37,56 @@ from .substitutes import DROPPED, NESTED, in_words_of_substitute, misspelt, subs
 # Objects that a scene can do without: one whose file is missing is left out.
 DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
 
+MOST_LOOKUPS = 1024  # that one texture may take
+
 # Lists of the description whose entries other entries name by index.
 LISTS = {"phase": "phases", "medium": "media"}
+
+
+@dataclass
+class Plugins(Mapping[str, Plugin]):
+    """The plugins of a kind by their names in lower case; each is put together when it is first asked for."""
+
+    makers: dict[str, Callable[[], Plugin]] = field(default_factory=dict)
+    made: dict[str, Plugin] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Plugin:
+        if name not in self.made:
+            self.made[name] = self.makers[name]()
+        return self.made[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.makers
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.makers)
+
+    def __len__(self) -> int:
+        return len(self.makers)
 
 
 @cache
 def plugins_by_kind() -> Mapping[str, Mapping[str, Plugin]]:
     """Every plugin that scenes may use: the core's models, and the reader's own in front of them."""
     schema = core_schema()
-    table: dict[str, dict[str, Plugin]] = {}
+    table: dict[str, Plugins] = {}
     for kind, models in schema.items():
         if kind == "adapter":
             continue  # the reader's own plugins make them
-        for name, model in models.items():
-            fields = fields_of(schema, kind, name)
-            plugin = Plugin(kind, name, model["doc"], fields, _entry, CHILDREN.get(kind, ()), model=name)
-            table.setdefault(kind, {})[name.lower()] = plugin
+        for name in models:
+            table.setdefault(kind, Plugins()).makers[name.lower()] = partial(_of_model, kind, name)
     for plugin in READER_PLUGINS:
-        table.setdefault(plugin.kind, {})[plugin.name.lower()] = plugin.with_model(schema)
+        table.setdefault(plugin.kind, Plugins()).makers[plugin.name.lower()] = partial(
+            plugin.with_model, schema
+        )
     return table
+
+
+def _of_model(kind: str, name: str) -> Plugin:
+    """A model of the core as a plugin."""
+    schema = core_schema()
+    fields, doc = fields_of(schema, kind, name), schema[kind][name]["doc"]
+    return Plugin(kind, name, doc, fields, _entry, CHILDREN.get(kind, ()), model=name)
 
 
 def _entry(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
@@ -76,6 +107,7 @@ class Builder:
     sensor: str | int | None = None  # which one of several, by id or number
     table: Mapping[str, Mapping[str, Plugin]] = field(default_factory=plugins_by_kind)
     textures: list[dict[str, Any]] = field(default_factory=list)
+    lookups: list[int] = field(default_factory=list)  # of each texture, how many it takes
     bsdfs: list[dict[str, Any]] = field(default_factory=list)
     transmissive: list[bool] = field(default_factory=list)  # of each bsdf, whether light passes through
     adapters: list[dict[str, Any]] = field(default_factory=list)
@@ -129,7 +161,8 @@ class Builder:
         if known is None or plugin is None:
             return None
         try:
-            return plugin.build(self, known, self.values(known, plugin))
+            with blamed_on(node.location, str(node)):
+                return plugin.build(self, known, self.values(known, plugin))
         except MissingFile as problem:
             if node.kind not in DISPENSABLE:
                 raise
@@ -256,9 +289,20 @@ class Builder:
     def add(self, where: str, entry: dict[str, Any], node: Node) -> int:
         """Adds an entry to a list of the description; its index."""
         entries: list[dict[str, Any]] = getattr(self, where)
+        if where == "textures":
+            self._count_lookups(entry, node)
         self.places[f"{where}[{len(entries)}]"] = node.location
         entries.append(entry)
         return len(entries) - 1
+
+    def _count_lookups(self, entry: dict[str, Any], node: Node) -> None:
+        """Textures that are read more than once by each other take twice as long at every level."""
+        inner = (value["texture"] for value in entry.values() if isinstance(value, dict))
+        lookups = 1 + sum(self.lookups[index] for index in inner)
+        if lookups > MOST_LOOKUPS:
+            message = f"{node} and the textures inside it are more than {MOST_LOOKUPS} to look up"
+            raise SceneError(message, node.location)
+        self.lookups.append(lookups)
 
     def add_once(self, where: str, entry: dict[str, Any], node: Node) -> int:
         """The index of an entry of a list; the same one is not added twice."""

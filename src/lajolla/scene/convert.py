@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -116,8 +116,11 @@ def _vector(builder: Builder, owner: Node, prop: Property, field: Field) -> tupl
 
 
 def _transform(builder: Builder, owner: Node, prop: Property, field: Field) -> np.ndarray | None:
+    given = getattr(prop.value, "matrix", prop.value)
+    if getattr(given, "size", 16) > 16:
+        return None
     try:
-        value = np.asarray(getattr(prop.value, "matrix", prop.value), dtype=np.float64)
+        value = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         return None
     if value.shape not in ((4, 4), (3, 3)):
@@ -184,6 +187,8 @@ def _six(values: tuple[float, ...] | None) -> tuple[float, ...] | None:
 def _floats(builder: Builder, owner: Node, prop: Property, field: Field) -> tuple[float, ...] | None:
     if isinstance(prop.value, str):
         return tuple(parse_numbers(Text(prop.value, prop.location)))
+    if getattr(prop.value, "ndim", 1) != 1:
+        return None
     try:
         values = np.asarray(prop.value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -240,11 +245,24 @@ def _clamp_texture(
     return within(builder, value, (low, high), node)
 
 
-def _object(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
-    return prop.value if not isinstance(prop.value, Node | str | int | float) else None
+def _array(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    """Anything that may be an array: the plugin, which takes it, judges its shape."""
+    return prop.value if not isinstance(prop.value, Node | str | int | float | Vector) else None
 
 
-CONVERTERS: dict[str, Callable[[Builder, Node, Property, Field], Any]] = {
+def _object(name: str) -> Converter:
+    """A converter to objects of one of the core's classes, which only Python can make."""
+
+    def convert_object(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+        return prop.value if isinstance(prop.value, getattr(builder.core, name)) else None
+
+    return convert_object
+
+
+Converter: TypeAlias = Callable[["Builder", Node, Property, Field], Any]
+
+
+CONVERTERS: dict[str, Converter] = {
     "float": _float,
     "integer": _integer,
     "boolean": _boolean,
@@ -260,11 +278,11 @@ CONVERTERS: dict[str, Callable[[Builder, Node, Property, Field], Any]] = {
     "volume_matrix": _volume_matrix,
     "floats": _floats,
     "phase": _phase,
-    "grid": _object,
-    "measurement": _object,
-    "mesh": _object,
-    "curves": _object,
-    "image": _object,
+    "grid": _array,
+    "measurement": _object("Measurement"),
+    "mesh": _object("Mesh"),
+    "curves": _object("Curves"),
+    "image": _array,
 }
 
 EXPECTED = {

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from .files import file_bytes
+
 Points = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.int64]
 
@@ -23,7 +25,7 @@ def read_curves(path: Path, numbers: int) -> tuple[Points, Indices]:
     Raises:
         ValueError: a line is not made of numbers, or there is no point at all.
     """
-    lines = [line.split() for line in path.read_bytes().splitlines()]
+    lines = [line.split() for line in file_bytes(path).splitlines()]
     breaks = np.array([not line or line[0].startswith(b"#") for line in lines], bool)
     for i, line in enumerate(lines):
         if len(line) < numbers and not breaks[i]:
@@ -40,7 +42,7 @@ def read_hair(path: Path) -> tuple[Points, Indices]:
     Raises:
         ValueError: the file does not hold what it says.
     """
-    data = path.read_bytes()
+    data = file_bytes(path)
     return _binary_hair(data[len(BINARY_HAIR) :]) if data.startswith(BINARY_HAIR) else read_curves(path, 3)
 
 

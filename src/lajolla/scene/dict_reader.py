@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -136,13 +136,21 @@ class _DictReader:
 
 def _array_value(entry: Content) -> Value:
     """Three numbers are a vector; other objects stay, for the field that takes them to judge."""
+    if len_of(entry) != 3:
+        return entry
     try:
-        array = np.asarray(entry, dtype=np.float64)
+        x, y, z = (float(v) for v in entry)
     except (TypeError, ValueError, OverflowError):
         return entry
-    if array.shape == (3,):
-        return Vector((float(array[0]), float(array[1]), float(array[2])))
-    return entry
+    return Vector((x, y, z))
+
+
+def len_of(entry: Content) -> int:
+    """The length of what may be a sequence of numbers, which is not looked at otherwise; 0 for others."""
+    shape = getattr(entry, "shape", None)
+    if isinstance(shape, tuple):
+        return shape[0] if len(shape) == 1 else 0
+    return len(entry) if isinstance(entry, Sequence) and not isinstance(entry, str | bytes) else 0
 
 
 def _rgb(value: Content, location: Location, *, srgb: bool) -> Rgb:
@@ -150,11 +158,17 @@ def _rgb(value: Content, location: Location, *, srgb: bool) -> Rgb:
         text = (
             value
             if isinstance(value, str)
-            else " ".join(map(repr, np.ravel(np.asarray(value, float)).tolist()))
+            else " ".join(map(repr, np.ravel(np.asarray(_small(value), float)).tolist()))
         )
     except (TypeError, ValueError, OverflowError):
         raise SceneError("a colour is one number or three", location) from None
     return parse_rgb(Text(text, location), srgb=srgb)
+
+
+def _small(value: Content) -> Content:
+    if getattr(value, "size", 0) > 3:
+        raise ValueError
+    return value
 
 
 def _spectrum(entry: Mapping[str, Any], location: Location) -> Value:

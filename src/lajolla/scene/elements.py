@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .errors import Diagnostics, Location, SceneError, Source
+from .files import file_bytes
 
 MAX_DEPTH = 64  # real scenes nest less than ten deep
 
@@ -42,7 +43,7 @@ def read_source(path: Path, name: str, diagnostics: Diagnostics) -> Source:
     if not path.is_file():
         raise SceneError("no such file" if not path.exists() else "not a file", Location(source))
     try:
-        data = path.read_bytes()
+        data = file_bytes(path)
     except OSError as problem:
         raise SceneError(f"cannot be read: {problem.strerror}", Location(source)) from None
     source.data = _to_utf8(data, source, diagnostics)
@@ -106,5 +107,6 @@ def parse_xml(source: Source) -> Element:
     except xml.parsers.expat.ExpatError as problem:
         reason = xml.parsers.expat.errors.messages.get(problem.code, "malformed")
         offset = min(max(0, parser.ErrorByteIndex), len(source.data))
+        source.quoted &= bool(document.children)  # else it may be anything
         raise SceneError(f"not valid XML: {reason}", Location(source, offset)) from None
     return document.children[0]

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 
 EXCERPT_WIDTH = 100
+MOST_WARNINGS = 1000  # that differ
+LONGEST_NAME = 64  # of what is compared with names that there are
 
 
 @dataclass(eq=False)
 class Source:
-    """One scene file: its name as shown in messages, its UTF-8 text, its folder and its format version."""
+    """One scene file: its name as shown in messages, its UTF-8 text, its folder and its format version.
+
+    What is not `quoted` may be no scene at all, but a file that is nobody's business.
+    """
 
     name: str
     data: bytes
     directory: Path
     version: tuple[int, int, int] = (3, 0, 0)
+    quoted: bool = True
 
 
 @dataclass(frozen=True)
@@ -43,8 +51,8 @@ class Location:
         return self.source.data.rfind(b"\n", 0, self.offset) + 1
 
     def excerpt(self) -> str:
-        """The line with a caret under the place, cut to a readable width; empty for scene dicts."""
-        if self.key or not self.source.data:
+        """The line with a caret under the place, cut to a readable width; empty where none is to be shown."""
+        if self.key or not self.source.data or not self.source.quoted:
             return ""
         start = self._line_start
         end = self.source.data.find(b"\n", start)
@@ -81,6 +89,35 @@ class SceneError(Exception):
         self.location = location
 
 
+@contextmanager
+def blamed_on(place: Location, what: str = "") -> Iterator[None]:
+    """Makes one message of whatever a library, the core or a plugin raises within.
+
+    Args:
+        place: what in the scene they were busy with.
+        what: its name, before the reason.
+    """
+    try:
+        yield
+    except SceneError:
+        raise
+    except Exception as problem:
+        raise SceneError(f"{what}: {reason_of(problem)}" if what else reason_of(problem), place) from problem
+
+
+def reason_of(problem: Exception) -> str:
+    """The first line of what an exception says, in words that do not need a traceback."""
+    if isinstance(problem, MemoryError):
+        return "not enough memory"
+    if isinstance(problem, OSError) and problem.strerror:
+        return f'"{problem.filename}": {problem.strerror}' if problem.filename else problem.strerror
+    text = next(iter(str(problem).splitlines()), "")
+    if isinstance(problem, KeyError):
+        return f"{text} is missing"
+    told = isinstance(problem, ValueError | RuntimeError) and text
+    return text if told else f"{type(problem).__name__}: {text}".rstrip(": ")
+
+
 @dataclass(frozen=True)
 class SceneWarning:
     """Something in a scene that is not rendered as written; the first of `count` places that say so."""
@@ -100,12 +137,15 @@ class Diagnostics:
 
     strict: bool = False
     collected: dict[str, SceneWarning] = field(default_factory=dict)
+    untold: int = 0  # beyond MOST_WARNINGS
 
     def warn(self, message: str, location: Location | None = None) -> None:
         """Notes something that is rendered in another way than the file might suggest."""
         known = self.collected.get(message)
         if known:
             self.collected[message] = replace(known, count=known.count + 1)
+        elif len(self.collected) >= MOST_WARNINGS:
+            self.untold += 1
         else:
             self.collected[message] = SceneWarning(message, location)
 
@@ -118,13 +158,19 @@ class Diagnostics:
     @property
     def warnings(self) -> list[SceneWarning]:
         """The warnings in the order in which they were met."""
-        return list(self.collected.values())
+        more = [SceneWarning(f"there are {self.untold} more warnings")] if self.untold else []
+        return [*self.collected.values(), *more]
 
 
 def nearest(name: str, valid: Iterable[str]) -> str | None:
     """The valid name that `name` most resembles, regardless of case; None when nothing is close."""
-    by_lower = {v.lower(): v for v in sorted(valid)}
-    found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
+    return _nearest(name.lower(), tuple(sorted(valid))) if len(name) <= LONGEST_NAME else None
+
+
+@lru_cache(1024)  # a mistake is seldom made once
+def _nearest(name: str, valid: tuple[str, ...]) -> str | None:
+    by_lower = {v.lower(): v for v in valid}
+    found = difflib.get_close_matches(name, by_lower, n=1, cutoff=0.6)
     return by_lower[found[0]] if found else None
 
 

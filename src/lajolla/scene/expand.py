@@ -5,16 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 from .elements import Element, parse_xml, read_source
 from .errors import Diagnostics, SceneError, Source, did_you_mean
 from .files import find_file
 
-MAX_INCLUDES = 16
+MAX_INCLUDES = 16  # in each other
+MAX_INCLUDED = 1024  # in all
+MAX_REPEATED = 1 << 22  # bytes of files that were included before
 MAX_FILLED = 1_000_000  # characters; defaults that double each other would fill the memory otherwise
 LATEST = (3, 0, 0)
-PARAMETER = re.compile(r"(?<!\\)\$([A-Za-z0-9_]+)")
+ORDINARY = "[A-Za-z0-9_]+"  # names of parameters
+MOST_HINTS = 256  # names that are compared with one that is missing
 
 
 @dataclass
@@ -51,9 +55,19 @@ class _Expander:
     defaults: dict[str, str] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
     search_paths: list[Path] = field(default_factory=list)
+    included: set[Path] = field(default_factory=set)
+    inclusions: int = 0
+    repeated: int = 0  # bytes
+    longest: int = 0  # name of a parameter
+    unusual: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        for name in self.parameters:
+            self._note(name)
 
     def file(self, path: Path, including: list[Path], parent: Source | None) -> Element:
         source = read_source(path, str(path), self.diagnostics)
+        source.quoted = path.resolve().is_relative_to(self.root_folder.resolve())
         root = parse_xml(source)
         source.version = _version(root, source, parent, self.diagnostics)
         stack = [*including, path.resolve()]
@@ -67,7 +81,7 @@ class _Expander:
             return
         if element.tag == "default":
             name = required(element, "name")
-            self.defaults.setdefault(name, required(element, "value"))
+            self._define(name, required(element, "value"))
         elif element.tag == "path":
             self._add_search_path(element)
         elif element.tag == "include":
@@ -82,6 +96,7 @@ class _Expander:
             raise SceneError(f'"{path.name}" includes itself', element.at("filename"))
         if len(including) > MAX_INCLUDES:
             raise SceneError(f"files are included more than {MAX_INCLUDES} deep", element.location)
+        self._count(path, element)
         root = self.file(path, including, element.location.source)
         if root.tag == "scene":
             yield from root.children
@@ -89,6 +104,17 @@ class _Expander:
             if "name" in element.attributes:
                 root.attributes["name"] = element.attributes["name"]
             yield root
+
+    def _count(self, path: Path, element: Element) -> None:
+        """Files that include each other more than once would grow beyond all bounds."""
+        self.inclusions += 1
+        if path in self.included:
+            self.repeated += path.stat().st_size
+        self.included.add(path)
+        if self.inclusions > MAX_INCLUDED:
+            raise SceneError(f"more than {MAX_INCLUDED} files are included", element.location)
+        if self.repeated > MAX_REPEATED:
+            raise SceneError(f"files are included again: more than {MAX_REPEATED:,} bytes", element.location)
 
     def _find(self, element: Element, attribute: str) -> Path:
         folders = [element.location.source.directory, *self.search_paths, self.root_folder]
@@ -113,30 +139,64 @@ class _Expander:
         return not [key for key in unknown if key != "type"]
 
     def _fill(self, element: Element, attribute: str) -> bool:
-        values = self.defaults | self.parameters
-        longest_first = sorted(values, key=len, reverse=True)
-        names = re.compile(r"(?<!\\)\$(" + "|".join(map(re.escape, longest_first)) + ")") if values else None
+        text = element.attributes[attribute]
+        missing: list[str] = []
+        size = 0
 
         def value(match: re.Match[str]) -> str:
-            self.used.add(match.group(1))
-            return values[match.group(1)]
+            nonlocal size
+            name = self._known_beginning(match.group(1))
+            if not name:
+                missing.append(match.group(1))
+                return ""
+            self.used.add(name)
+            size += len(self._value(name))
+            if size > MAX_FILLED:
+                message = f"parameters make this longer than {MAX_FILLED} characters"
+                raise SceneError(message, element.at(attribute))
+            return self._value(name) + match.group(1)[len(name) :]
 
-        text = element.attributes[attribute]
-        missing = [m.group(1) for m in PARAMETER.finditer(names.sub("", text) if names else text)]
+        filled = self._pattern().sub(value, text).replace("\\$", "$")
         if missing:
-            hint = did_you_mean(missing[0], values)
+            known = self.defaults.keys() | self.parameters.keys() if self._names() <= MOST_HINTS else ()
             message = f'parameter "${missing[0]}" is not defined, <{element.tag}> is left out'
             if attribute == "type":
                 message = f'parameter "${missing[0]}" is not defined, the default {element.tag} is used'
-            self.diagnostics.unknown(message + hint, element.at(attribute))
+            self.diagnostics.unknown(message + did_you_mean(missing[0], known), element.at(attribute))
             return False
-        filled = (names.sub(value, text) if names else text).replace("\\$", "$")
-        if len(filled) > max(MAX_FILLED, len(text)):
-            raise SceneError(
-                f"parameters make this longer than {MAX_FILLED} characters", element.at(attribute)
-            )
         element.attributes[attribute] = filled
         return True
+
+    def _names(self) -> int:
+        return len(self.defaults) + len(self.parameters)
+
+    def _value(self, name: str) -> str:
+        return self.parameters[name] if name in self.parameters else self.defaults[name]
+
+    def _known_beginning(self, name: str) -> str:
+        """The longest known name with which a name begins, as in `$size_px` where there is a `size`."""
+        for length in range(min(len(name), self.longest), 0, -1):
+            if name[:length] in self.parameters or name[:length] in self.defaults:
+                return name[:length]
+        return ""
+
+    def _pattern(self) -> re.Pattern[str]:
+        """Matches what may be parameters; names with other characters than ordinary ones have to be told."""
+        return _pattern_of(tuple(sorted(self.unusual, key=len, reverse=True)))
+
+    def _define(self, name: str, value: str) -> None:
+        self.defaults.setdefault(name, value)
+        self._note(name)
+
+    def _note(self, name: str) -> None:
+        self.longest = max(self.longest, len(name))
+        if not re.fullmatch(ORDINARY, name):
+            self.unusual.add(name)
+
+
+@lru_cache(64)
+def _pattern_of(unusual: tuple[str, ...]) -> re.Pattern[str]:
+    return re.compile(r"(?<!\\)\$(" + "|".join([*map(re.escape, unusual), ORDINARY]) + ")")
 
 
 def required(element: Element, attribute: str) -> str:

@@ -2,10 +2,34 @@
 
 from __future__ import annotations
 
+import errno
+import itertools
+import os
+import stat
 from collections.abc import Iterable
 from pathlib import Path
 
 from .errors import Location, SceneError
+
+MAX_BYTES = 1 << 34  # of a file that is read as a whole
+
+
+def file_bytes(path: Path) -> bytes:
+    """All bytes of a file; of a device or a pipe there might be no end.
+
+    Raises:
+        OSError: it cannot be read; it is no file, or too large.
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EINVAL, "not a file")
+    if status.st_size > MAX_BYTES:
+        raise OSError(errno.EFBIG, f"larger than {MAX_BYTES:,} bytes")
+    with path.open("rb") as file:
+        data = file.read(max(status.st_size, 4096))
+        if len(data) > status.st_size or file.read(1):  # it grows, or is made up by the system
+            raise OSError(errno.EINVAL, "not a file that stays the same")
+    return data
 
 
 class MissingFile(SceneError):
@@ -24,13 +48,21 @@ def find_file(name: str, directories: Iterable[Path], location: Location) -> Pat
     searched = list(dict.fromkeys([*directories, Path()]))
     if not wanted.strip() or "\0" in wanted:
         raise SceneError("a file name is expected", location)
-    for directory in searched:
-        found = _in_any_case(directory / wanted)
+    for directory, spelling in itertools.product(searched, _spellings(wanted)):
+        found = _in_any_case(directory / spelling)
         if found is not None:
             return found
     shown = name if len(name) <= 80 else name[:77] + "..."
     where = "" if wanted.startswith("/") else f"; searched: {', '.join(map(str, searched))}"
     raise MissingFile(f'file "{shown}" not found{where}', location)
+
+
+def _spellings(name: str) -> list[str]:
+    """A name as the file system may have it: old files can have names in latin-1."""
+    try:
+        return [name] if name.isascii() else [name, os.fsdecode(name.encode("latin-1"))]
+    except UnicodeEncodeError:
+        return [name]
 
 
 def _in_any_case(path: Path) -> Path | None:

@@ -14,7 +14,10 @@ from .errors import SceneError
 from .nodes import Array, Node, Property
 from .schema import Field
 
-MOST_INSTANCES = 2**22
+# Groups in groups, and merged shapes that are merged again, can be more than all memory holds, however
+# small the file: so many objects may come of them, and so many more for each shape that the file has.
+MOST_REPEATED = 2**16
+MOST_PER_SHAPE = 64
 TO_WORLD = Field("to_world", "transform", "")
 
 AddShape = Callable[[Builder, Node], list[int]]
@@ -39,11 +42,9 @@ def add_instance(builder: Builder, node: Node, add_shape: AddShape) -> None:
     Light sampling has no instances: shapes that are lights are added once for every place.
 
     Raises:
-        SceneError: there is not one shape group in it, or it would be too many objects.
+        SceneError: there is not one shape group in it.
     """
     group_node = group_of(builder, node)
-    if len(builder.instances) + _size(group_node, {}) > MOST_INSTANCES:
-        raise SceneError(f"the scene has more than {MOST_INSTANCES:,} instances", node.location)
     contents = _contents(builder, group_node, add_shape)
     matrix = placement(builder, node)
     for placed, group in contents.groups:
@@ -61,13 +62,50 @@ def group_of(builder: Builder, node: Node) -> Node:
     return groups[0]
 
 
-def _size(node: Node, known: dict[Node, int]) -> int:
-    """How many shapes there are in groups in groups."""
-    if node.plugin.lower() not in ("shapegroup", "instance", "merge"):
-        return 1
-    if node not in known:
-        known[node] = sum(_size(child, known) for _, child in node.children("shape"))
-    return known[node]
+def check_size(scene: Node) -> None:
+    """Counts what the shapes of a scene will be, instances and all, before any is made.
+
+    Raises:
+        SceneError: they are too many.
+    """
+    added: dict[Node, int] = {}
+    placed: dict[Node, int] = {}
+    total = 0
+    for _, node in scene.children("shape"):
+        total += _added(node, added, placed)
+        if total > MOST_REPEATED + MOST_PER_SHAPE * (len(added) + len(placed)):
+            message = f"instances and merged shapes make more than {MOST_REPEATED:,} objects of a small file"
+            raise SceneError(message, node.location)
+
+
+def _added(node: Node, added: dict[Node, int], placed: dict[Node, int]) -> int:
+    """How many shapes and instances a shape becomes where it stands, with the members of a new group."""
+    if node not in added:
+        children = [child for _, child in node.children("shape")]
+        kind = node.plugin.lower()
+        if kind == "instance":
+            added[node] = sum(_placed(child, added, placed) for child in children)
+        elif kind in ("merge", "shapegroup"):
+            added[node] = sum(_added(child, added, placed) for child in children)
+        else:
+            added[node] = 1
+    return added[node]
+
+
+def _placed(group: Node, added: dict[Node, int], placed: dict[Node, int]) -> int:
+    """How many objects an instance of a group is: its own shapes are one."""
+    if group not in placed:
+        total = 1
+        for _, child in group.children("shape"):
+            if child.plugin.lower() == "instance":
+                total += sum(_placed(inner, added, placed) for _, inner in child.children("shape"))
+            elif child.plugin.lower() in ("shapegroup", "merge"):
+                total += _placed(child, added, placed)
+            else:
+                total += any(True for _ in child.children("emitter"))
+        placed[group] = total
+        _added(group, added, placed)
+    return placed[group]
 
 
 def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents:

@@ -19,7 +19,7 @@ import numpy as np
 from .assemble import NEVER_LIGHTS
 from .build import Builder, is_child, named
 from .convert import constant_or_texture, convert
-from .files import MissingFile
+from .files import MissingFile, file_bytes
 from .images import Pixels, is_integer_file, read_pixels
 from .mitsuba3_coats import coating
 from .mitsuba3_instances import Contents, group, instances
@@ -75,6 +75,7 @@ class Translator:
     pack: bool = False
     packed: dict[str, bytes | Pixels] = field(default_factory=dict)
     losses: list[Losses] = field(default_factory=list)  # of the objects that are being translated
+    copied: dict[str, Path] = field(default_factory=dict)  # where files among these come from
     done: dict[Node, Node | None] = field(default_factory=dict)
     made: dict[Node, list[Node]] = field(default_factory=dict)  # of shapes
     groups: dict[Node, Contents] = field(default_factory=dict)
@@ -200,9 +201,16 @@ class Translator:
     def _path(self, node: Node, name: str) -> str:
         path, _ = self.builder.find(node)
         try:
-            return Path(os.path.relpath(path.resolve(), self.folder.resolve())).as_posix()
+            written = Path(os.path.relpath(path.resolve(), self.folder.resolve())).as_posix()
         except ValueError:  # another drive
-            return path.resolve().as_posix()
+            written = path.resolve().as_posix()
+        try:
+            written.encode()
+        except UnicodeEncodeError:  # XML cannot name the file: a copy gets another name
+            written = f"{self.stem}-files/{len(self.packed)}{path.suffix}"
+            self.packed[written] = file_bytes(path)
+            self.copied[written] = path
+        return written
 
     def nearest(self, node: Node) -> Node | None:
         """What comes nearest to a plugin that Mitsuba 3 does not have."""
@@ -222,7 +230,8 @@ class Translator:
 
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
         """Packs a bitmap's pixels as linear floating-point numbers; the name of the file."""
-        path = self.folder / str(getattr(node.find("filename"), "value", ""))
+        written = str(getattr(node.find("filename"), "value", ""))
+        path = self.copied.get(written, self.folder / written)
         pixels = read_pixels(path, node.property_location("filename"), channel)
         name = f"{self.stem}-files/{len(self.packed)}.exr"
         encoded = is_integer_file(path) and not is_alpha(channel)

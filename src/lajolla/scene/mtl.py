@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .errors import Diagnostics, Location, SceneError
-from .files import find_file
+from .files import file_bytes, find_file
 from .literals import srgb_to_linear
 from .nodes import Node, Property, Rgb, Value
 
@@ -38,7 +38,7 @@ class Reader:
     def read(self) -> dict[str, Node]:
         """Every material by its name."""
         current = Material()  # statements before the first name count for nothing
-        for number, line in enumerate(self.path.read_bytes().splitlines(), start=1):
+        for number, line in enumerate(file_bytes(self.path).splitlines(), start=1):
             keyword, _, rest = line.decode("utf-8", "replace").strip().partition(" ")
             rest = rest.strip()
             if keyword == "newmtl":

@@ -19,8 +19,9 @@ from types import ModuleType
 import numpy as np
 import numpy.typing as npt
 
+from .files import file_bytes
 from .nodes import Array
-from .voxels import MAX_SPARSE_VALUES, VoxelError, Voxels, box_transform, checked_shape
+from .voxels import VoxelError, Voxels, box_transform, checked_shape, most_sparse
 
 Bytes = npt.NDArray[np.uint8]
 Values = npt.NDArray[np.float32]
@@ -29,6 +30,9 @@ MAGIC = (b"NanoVDB0", b"NanoVDB1", b"NanoVDB2")
 FILE_HEADER = struct.Struct("<8sIHH")  # magic, version, grids, codec
 META_SIZE, META_NAME_SIZE, META_GRID_SIZE = 176, 136, 0
 NONE, ZIP, BLOSC = 0, 1, 2
+# Packed data becomes so many bytes at most, and so many more for each packed one.
+SMALL_UNPACKED = 1 << 24
+MOST_PACKING = 64
 
 # Grid types by number, and their names.
 FLOAT, VEC3F, FP4, FP8, FP16, FPN = 1, 6, 13, 14, 15, 16
@@ -52,7 +56,7 @@ def read_nvdb(path: Path, grid_name: str) -> Voxels:
     Raises:
         VoxelError: the file, or the kind of grid, cannot be read.
     """
-    data = path.read_bytes()
+    data = file_bytes(path)
     names: dict[str, tuple[bytes, int, int]] = {}  # codec and place of each grid
     for name, block in _grids(data):
         names.setdefault(name, block)
@@ -97,6 +101,8 @@ def _grids(data: bytes) -> Iterator[tuple[str, tuple[bytes, int, int]]]:
 def _unpacked(block: bytes, codec: int, size: int) -> Bytes:
     if codec == NONE:
         data = block
+    elif codec == ZIP and size > SMALL_UNPACKED + MOST_PACKING * len(block):
+        raise VoxelError("its data is packed too tightly")
     elif codec == ZIP:
         try:
             data = zlib.decompressobj().decompress(block[8:], size + 1)
@@ -167,6 +173,8 @@ class _Grid:
             self.levels.append(_Level(width, reach, mask, table, self.entry, table + width**3 * self.entry))
         self.root_header = _padded(28 + 3 * value + 8)
         self.tile = _padded(20 + value)
+        self.keys: set[int] = set()  # of the root's tiles
+        self.seen: set[int] = set()  # nodes, each of which has one place
         self.leaf_values = _padded(80 + statistics) if self.type in (FLOAT, VEC3F) else 96
 
     def read(self, at: int, kind: str, count: int = 1) -> Array:
@@ -183,7 +191,8 @@ class _Grid:
         root = tree + int(self.read(tree + 24, "<i8"))
         low, high = self.read(root, "<i4", 6).reshape(2, 3).astype(np.int64)
         width, height, depth = (int(n) for n in high - low + 1)
-        shape = checked_shape((depth, height, width), self.channels, MAX_SPARSE_VALUES)
+        most = most_sparse(len(self.data))
+        shape = checked_shape((depth, height, width), self.channels, most)
         background = self.read(root + 28, "<f4", self.channels)
         self.low = low
         self.dense = np.empty((width, height, depth, self.channels), np.float32)  # x first, as in the tree
@@ -201,15 +210,25 @@ class _Grid:
             raise VoxelError("its transform is not finite")
         return to_world @ box_transform(low - 0.5, high + 0.5)
 
+    def _visit(self, at: int) -> int:
+        """The place of a node, which no other one leads to: small files could be endless otherwise."""
+        if at in self.seen:
+            raise VoxelError("its tree is broken")
+        self.seen.add(at)
+        return at
+
     def _root_tile(self, root: int, at: int) -> None:
         key = int(self.read(at, "<u8"))
         parts = [(key >> shift) & 0x1FFFFF for shift in (42, 21, 0)]  # 21 bits each, in units of 4096
         origin = np.array([((p << 12) + 2**31) % 2**32 - 2**31 for p in parts], np.int64)
+        if key in self.keys:
+            raise VoxelError("its tree is broken")
+        self.keys.add(key)
         child = int(self.read(at + 8, "<i8"))
         if child == 0:
             self._fill(origin, LEVELS[0][1], self.read(at + 20, "<f4", self.channels))
         else:
-            self._node(root + child, origin, 0)
+            self._node(self._visit(root + child), origin, 0)
 
     def _node(self, at: int, origin: Array, depth: int) -> None:
         """An inner node: its table holds values of empty regions, and offsets of children."""
@@ -227,9 +246,9 @@ class _Grid:
             if not mask[i]:
                 self._fill(corners[i], step, values[i])
             elif depth + 1 < len(self.levels):
-                self._node(at + int(offsets[i]), corners[i], depth + 1)
+                self._node(self._visit(at + int(offsets[i])), corners[i], depth + 1)
             else:
-                self._copy(corners[i], self._leaf(at + int(offsets[i])))
+                self._copy(corners[i], self._leaf(self._visit(at + int(offsets[i]))))
 
     def _leaf(self, at: int) -> Values:
         """The 8^3 values of a leaf, x first."""
@@ -283,7 +302,7 @@ def read_vdb(path: Path, grid_name: str) -> Voxels:
         low, high = (np.array(corner, np.int64) for corner in grid.evalActiveVoxelBoundingBox())
         width, height, depth = (int(n) for n in high - low + 1)
         channels = 3 if isinstance(grid.background, tuple) else 1
-        shape = checked_shape((depth, height, width), channels, MAX_SPARSE_VALUES)
+        shape = checked_shape((depth, height, width), channels, most_sparse(path.stat().st_size))
         dense = np.empty((width, height, depth, *([3] if channels == 3 else [])), np.float32)
         grid.copyToArray(dense, ijk=tuple(int(v) for v in low))
         rows = [

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
+MOST_CHANNELS = 1024
 COMPONENTS = {"rgb": "RGB", "xyz": "XYZ"}
 
 Entry = dict[str, Any]  # an integrator of the core
@@ -32,6 +33,11 @@ class Picture:
 
     entry: Entry
     channels: tuple[Channel, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Raises ValueError for more channels than anybody looks at: nested integrators double them."""
+        if len(self.channels) > MOST_CHANNELS:
+            raise ValueError(f"more than {MOST_CHANNELS} channels")
 
 
 def colours(name: str, entry: Entry, recorded: str = "rgb") -> tuple[Channel, ...]:

@@ -56,6 +56,8 @@ def _follow(name: str, aliases: Mapping[str, tuple[str, Location]], ids: Mapping
         if target in passed:
             raise SceneError(f"aliases go in a circle: {' -> '.join([*passed, target])}", location)
         passed.append(target)
+        if len(passed) > MAX_NESTING:
+            raise SceneError(f"aliases of aliases are more than {MAX_NESTING} deep", location)
     return _lookup(passed[-1], ids, location)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from .cie import ILLUMINANT_D65, OBSERVER_1931, WAVELENGTHS
 from .errors import Diagnostics, Location, SceneError
+from .files import file_bytes
 from .literals import Text, checked_spectrum, parse_floats
 from .nodes import Array, Blackbody, Rgb, Spectrum
 
@@ -85,12 +86,14 @@ def read_spd(path: Path, location: Location) -> Spectrum:
         SceneError: the file cannot be read as that.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = file_bytes(path).decode()
     except (OSError, UnicodeError):
         raise SceneError(f'"{path}" cannot be read as a text file', location) from None
-    lines = (line.partition("#")[0].strip() for line in text.splitlines())
-    try:
-        pairs = [parse_floats(Text(line, location), (2,)) for line in lines if line]
-    except SceneError as problem:
-        raise SceneError(f'in "{path}": {problem.message}', location) from None
+    pairs = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if content := line.partition("#")[0].strip():
+            try:
+                pairs.append(parse_floats(Text(content, location), (2,)))
+            except SceneError:  # which quotes the file
+                raise SceneError(f'"{path}", line {number}: expected 2 numbers', location) from None
     return checked_spectrum(tuple(p[0] for p in pairs), tuple(p[1] for p in pairs), location)

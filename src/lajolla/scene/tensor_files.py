@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from .files import file_bytes
+
 IDENTIFIER = b"tensor_file\0"
 VERSION = b"\1\0"
 # By their number in files; the first stands for nothing.
@@ -27,7 +29,7 @@ def read_tensors(path: Path) -> dict[str, npt.NDArray[np.generic]]:
         TensorError: the file is no tensor file, is cut short, or cannot be read.
     """
     try:
-        data = path.read_bytes()
+        data = file_bytes(path)
         return _tensors(data)
     except struct.error:
         raise TensorError("it is cut short") from None

@@ -57,13 +57,14 @@ def nodes_from_elements(root: Element, diagnostics: Diagnostics) -> Tree:
     """
     tree = Tree(Node("scene", "scene", root.location, root.location))
     tree.nodes.append(tree.root)
+    given: set[str] = set()
     for child in root.children:
-        _add(child, tree.root, tree, diagnostics)
+        _add(child, tree.root, given, tree, diagnostics)
     return tree
 
 
-def _add(element: Element, parent: Node, tree: Tree, diagnostics: Diagnostics) -> None:
-    """Adds what an element stands for to its parent node."""
+def _add(element: Element, parent: Node, given: set[str], tree: Tree, diagnostics: Diagnostics) -> None:
+    """Adds what an element stands for to its parent node, which has properties of the given names."""
     tag = OLD_KINDS.get(element.tag, element.tag)
     _check_attributes(element, diagnostics)
     if tag == "alias":
@@ -87,9 +88,11 @@ def _add(element: Element, parent: Node, tree: Tree, diagnostics: Diagnostics) -
             f"unknown element <{element.tag}>{did_you_mean(element.tag, known)}", element.location
         )
     name = element.attributes.get("name", "")
-    if name and parent.find(name) is not None:
+    if name in given:
         diagnostics.warn(f'"{name}" is given twice in {parent}; the last one counts', element.at("name"))
         parent.properties = parent.without([name])
+    if name:
+        given.add(name)
     parent.properties.append(Property(name, value, place, element.at("name")))
 
 
@@ -97,8 +100,9 @@ def _object(kind: str, element: Element, tree: Tree, diagnostics: Diagnostics) -
     plugin = required(element, "type").strip()
     node = Node(kind, plugin, element.location, element.at("type"), element.attributes.get("id", ""))
     tree.nodes.append(node)
+    given: set[str] = set()
     for child in element.children:
-        _add(child, node, tree, diagnostics)
+        _add(child, node, given, tree, diagnostics)
     return node
 
 

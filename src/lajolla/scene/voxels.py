@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,10 @@ import numpy.typing as npt
 from .nodes import Array
 
 MAX_VALUES = 1 << 30
-MAX_SPARSE_VALUES = 1 << 29  # of a sparse grid that becomes dense, however small its file
+# A sparse grid that becomes dense: so many values, and so many more for each byte of its file, but no more.
+SMALL_SPARSE_VALUES = 1 << 22
+SPARSE_VALUES_PER_BYTE = 32
+MAX_SPARSE_VALUES = 1 << 29
 
 
 class VoxelError(ValueError):
@@ -52,6 +56,8 @@ def read_vol(path: Path) -> Voxels:
     Raises:
         VoxelError: the file is none of these, or cut short.
     """
+    if not path.is_file():
+        raise VoxelError("it is not a file")
     with path.open("rb") as file:
         head = file.read(HEADER.size)
         if len(head) < HEADER.size or head[:3] != b"VOL":
@@ -62,10 +68,10 @@ def read_vol(path: Path) -> Voxels:
         if encoding not in ENCODINGS:
             raise VoxelError(f"its encoding is {encoding}; 1 (float32), 2 (float16) and 3 (uint8) are known")
         shape = checked_shape((depth, height, width), channels)
-        count = int(np.prod(shape))
+        count = math.prod(shape)
+        if path.stat().st_size < HEADER.size + count * ENCODINGS[encoding].itemsize:
+            raise VoxelError("it is cut short")
         values = np.frombuffer(file.read(count * ENCODINGS[encoding].itemsize), np.uint8)
-    if values.size < count * ENCODINGS[encoding].itemsize:
-        raise VoxelError("it is cut short")
     box_values = np.asarray(box, float)
     return Voxels(values.view(ENCODINGS[encoding]).reshape(shape), _box_or_unit(box_values))
 
@@ -85,6 +91,11 @@ def vol_bytes(values: npt.NDArray[np.generic]) -> bytes:
 def _box_or_unit(box: Array) -> Array:
     """The header's box; the unit cube where it is empty, as some writers leave it."""
     return box_transform(box[:3], box[3:]) if np.any(box) else np.eye(4)
+
+
+def most_sparse(size: int) -> int:
+    """How many values a sparse grid may become whose file has so many bytes."""
+    return min(SMALL_SPARSE_VALUES + SPARSE_VALUES_PER_BYTE * size, MAX_SPARSE_VALUES)
 
 
 def checked_shape(

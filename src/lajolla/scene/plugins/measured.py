@@ -28,7 +28,7 @@ SHAPES = {
 }
 RGB = {"rgb": "phi theta channel y x"}
 SPECTRAL = {"spectra": "phi theta channel y x", "wavelengths": "channel"}
-MOST_WAVELENGTHS = 4096  # the RGL measures 195
+MOST_WAVELENGTHS = 1024  # the RGL measures 195
 
 
 def _measured(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:

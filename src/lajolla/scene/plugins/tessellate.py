@@ -103,7 +103,8 @@ def tube_arrays(points: Array, segments: npt.NDArray[np.uint32], basis: str) -> 
     control = points[segments[:, None] + np.arange(weights.shape[1])]  # (segments, points, 4)
     rings = np.einsum("sp,mpc->msc", weights, control)
     tangents = np.einsum("sp,mpc->msc", slopes, control[..., :3])
-    tangents /= np.maximum(np.linalg.norm(tangents, axis=-1, keepdims=True), 1e-30)
+    size = np.linalg.norm(tangents, axis=-1, keepdims=True)
+    tangents = np.where(size > 1e-30, tangents / np.maximum(size, 1e-30), [0, 0, 1.0])  # some have no length
     upright = np.abs(tangents[..., 2:]) > 0.99
     s = np.cross(tangents, np.where(upright, [1.0, 0, 0], [0, 0, 1.0]))
     s /= np.linalg.norm(s, axis=-1, keepdims=True)

@@ -61,6 +61,9 @@ def load_voxels(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[V
     arrays = [values.pop(name) for name in ("data", "grid") if name in values]
     grid_name = values.pop("grid_name", "density")
     if arrays:
+        if "filename" in values:
+            message = f"{node} takes a file or an array, not both"
+            raise SceneError(message, node.property_location("filename"))
         return Voxels(_from_array(node, arrays[0]), np.eye(4)), node.location
     values.pop("filename", None)
     path, location = builder.find(node)
@@ -98,14 +101,13 @@ def _finite(builder: Builder, array: npt.NDArray[np.generic], location: Location
 def _from_array(node: Node, data: Content) -> npt.NDArray[np.generic]:
     try:
         array = np.asarray(data)
-        array = array if array.dtype in KEPT else array.astype(np.float32)
+        array = array[..., None] if array.ndim == 3 else array
+        if array.ndim != 4 or array.shape[3] not in (1, 3, 6) or 0 in array.shape:
+            message = f'"data" of {node} must have the shape (depth, height, width[, 1, 3 or 6])'
+            raise SceneError(message, node.location)
+        return array if array.dtype in KEPT else array.astype(np.float32)
     except (TypeError, ValueError):
         raise SceneError(f'"data" of {node} is not an array', node.location) from None
-    array = array[..., None] if array.ndim == 3 else array
-    if array.ndim != 4 or array.shape[3] not in (1, 3, 6) or 0 in array.shape:
-        message = f'"data" of {node} must have the shape (depth, height, width[, 1, 3 or 6])'
-        raise SceneError(message, node.location)
-    return array
 
 
 def _unsupported(builder: Builder, node: Node, values: dict[str, Any]) -> Content:

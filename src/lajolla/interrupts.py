@@ -1,0 +1,89 @@
+"""What Ctrl-C and SIGTERM do: nothing is lost that was rendered, and nobody waits for what is not wanted."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Any, NoReturn
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interrupt(KeyboardInterrupt):
+    """One of the signals."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.exit_code = 128 + number  # as a shell has it
+
+
+def end_at_once(number: int, frame: FrameType | None, message: str = "nothing was written") -> NoReturn:
+    """A handler for times at which there is nothing to save.
+
+    An exception would not do: it can come in the middle of an import, or of a callback that drops it.
+    """
+    _tell(f"interrupted; {message}")
+    os._exit(128 + number)
+
+
+def _tell(message: str) -> None:
+    """A line on standard error, past Python's buffers: a handler may come in the middle of a `print`."""
+    with suppress(OSError):
+        os.write(2, f"lajolla: {message}\n".encode())
+
+
+@contextmanager
+def handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Gives the signals to a handler; those that are ignored, as in a shell's background jobs, stay so."""
+    previous = {number: signal.getsignal(number) for number in SIGNALS}
+    heard = [number for number in SIGNALS if previous[number] != signal.SIG_IGN]
+    for number in heard:
+        signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number in heard:
+            signal.signal(number, previous[number])
+
+
+class Patience:
+    """A handler for a rendering: the first signal stops it, the next waits for the save, a third ends all."""
+
+    def __init__(self) -> None:
+        self.saving = False
+        self.asked = False
+        self.interrupt: Interrupt | None = None  # the first one
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.interrupt = self.interrupt or Interrupt(number)
+        if not self.saving:
+            self.saving = True
+            raise self.interrupt
+        if self.asked:
+            end_at_once(number, frame, "the picture may not be there")
+        self.asked = True
+        _tell("still saving; once more ends at once")
+
+    def save(self, action: Callable[..., Any], *arguments: Any) -> None:  # noqa: ANN401
+        """Does it in another thread: a library may not return for long, and this one hears signals."""
+        from concurrent.futures import Future
+
+        self.saving = True
+        done: Future[None] = Future()
+
+        def work() -> None:
+            try:
+                action(*arguments)
+                done.set_result(None)
+            except BaseException as problem:
+                done.set_exception(problem)
+
+        try:
+            threading.Thread(target=work).start()
+        except RuntimeError:  # there is no memory for another thread
+            work()
+        done.result()

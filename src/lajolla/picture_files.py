@@ -1,0 +1,89 @@
+"""Files of pictures as OpenImageIO opens them: with names of any bytes, messages of any bytes, and limits."""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+# A picture takes so many bytes at most, and so many more for each byte of its file: a small file cannot ask
+# for all memory there is. Deflated data of one colour is a thousandth of it; such pictures may be 64 MiB.
+MAX_SMALL = 1 << 26
+MAX_RATIO = 256
+
+
+class PictureError(Exception):
+    """A picture that OpenImageIO cannot read; the message is the reason alone."""
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Any]:
+    """The ImageInput of a picture, whose colours are not multiplied by alpha.
+
+    Raises:
+        PictureError: it is no picture, or would take more memory than a file of its size should.
+    """
+    import OpenImageIO as oiio  # here, because it takes long and many commands need no pictures
+
+    if not path.is_file():
+        raise PictureError("it is not a file")
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    config.attribute("pnm:pfmflip", 0)
+    with plain_name(path) as name:
+        source = oiio.ImageInput.open(name, config)
+        if source is None:
+            raise PictureError(reason(oiio))
+        try:
+            _check_size(source.spec(), path.stat().st_size)
+            yield source
+        finally:
+            source.close()
+
+
+def _check_size(spec: Any, size: int) -> None:  # noqa: ANN401
+    needed = spec.width * spec.height * max(spec.depth, 1) * spec.nchannels * max(spec.format.size(), 1)
+    if needed > MAX_SMALL + MAX_RATIO * size:
+        raise PictureError(
+            f"{spec.width} x {spec.height} pixels of {spec.nchannels} channels are too many for a file of "
+            f"{size:,} bytes"
+        )
+
+
+@contextmanager
+def plain_name(path: Path) -> Iterator[str]:
+    """A name of a file for libraries that take UTF-8 only: its own, or that of a temporary link."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        with tempfile.TemporaryDirectory() as folder:
+            link = Path(folder, "file" + (path.suffix if path.suffix.isascii() else ""))
+            link.symlink_to(path.absolute())
+            yield str(link)
+    else:
+        yield str(path)
+
+
+def reason(source: Any, otherwise: str = "unknown reason") -> str:  # noqa: ANN401
+    """The first line of what OpenImageIO, or a file opened with it, complains of."""
+    try:
+        text = source.geterror()
+    except UnicodeDecodeError as problem:  # it quotes the file
+        text = bytes(problem.object).decode("utf-8", "replace")
+    lines = text.strip().splitlines()
+    return "".join(c if c.isprintable() else "?" for c in lines[0][:300]) if lines else otherwise
+
+
+def channel_names(spec: Any) -> list[str]:  # noqa: ANN401
+    """The names of a picture's channels; one that is not UTF-8 is "?"."""
+    try:
+        return list(spec.channelnames)
+    except UnicodeDecodeError:
+        return [_channel_name(spec, index) for index in range(spec.nchannels)]
+
+
+def _channel_name(spec: Any, index: int) -> str:  # noqa: ANN401
+    try:
+        return spec.channel_name(index)
+    except UnicodeDecodeError:
+        return "?"

@@ -1,0 +1,207 @@
+"""Small files that ask for much get an answer soon, and files that are no scenes are not shown to anybody."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hostile_cases import answer
+from reader_tools import error, error_of, read, write_scene
+
+import lajolla
+from lajolla.scene import SceneError, load_description
+
+SECONDS, MEMORY = 1.0, 200 * 10**6
+
+
+def test_hostile_files(shared_cases: Path) -> None:
+    """Every scene of the folder; there is a picture or one message."""
+    scenes = sorted(p for p in (shared_cases / "hostile").rglob("*.xml") if p.name not in INNER)
+    assert scenes
+    for scene in scenes:
+        result = answer(scene)
+        assert result.seconds < SECONDS, scene
+        assert result.memory < MEMORY, scene
+        assert "Error:" not in result.error, scene  # the name of an exception is no reason
+
+
+INNER = {f"i{i}.xml" for i in range(1, 16)}  # they are included by i0.xml
+
+
+def doubled(tag: str, plugin: str, levels: int, inside: str) -> str:
+    """Objects that each hold the one before twice, as `x0`, `x1`, ...; `inside` makes references."""
+    made = [f'<{tag} type="{plugin}" id="x{i + 1}">{inside.format(i)}</{tag}>' for i in range(levels)]
+    return "".join(made)
+
+
+TWICE = '<ref name="a" id="x{0}"/><ref name="b" id="x{0}"/>'
+INSTANCES = '<shape type="instance"><ref id="x{0}"/></shape>' * 2
+SCALED = '<ref name="scale" id="x{0}"/><ref name="texture" id="x{0}"/>'
+SHOWS_TEXTURE = '<shape type="sphere"><bsdf type="diffuse"><ref name="reflectance" id="x30"/></bsdf></shape>'
+
+GROWING: dict[str, Callable[[], str]] = {
+    "groups": lambda: (
+        '<shape type="shapegroup" id="x0"><shape type="sphere"/></shape>'
+        + doubled("shape", "shapegroup", 30, INSTANCES)
+        + '<shape type="instance"><ref id="x30"/></shape>'
+    ),
+    "lights in groups": lambda: (
+        '<shape type="shapegroup" id="x0"><shape type="sphere"><emitter type="area"/></shape></shape>'
+        + doubled("shape", "shapegroup", 30, INSTANCES)
+        + '<shape type="instance"><ref id="x30"/></shape>'
+    ),
+    "merged shapes": lambda: '<shape type="sphere" id="x0"/>' + doubled("shape", "merge", 30, TWICE),
+    "textures": lambda: (
+        '<texture type="checkerboard" id="x0"/>' + doubled("texture", "scale", 30, SCALED) + SHOWS_TEXTURE
+    ),
+    "parameters": lambda: (
+        f'<default name="a" value="{"x" * 500_000}"/><string name="foo" value="{"$a " * 100_000}"/>'
+    ),
+    "aliases": lambda: (
+        '<bsdf type="diffuse" id="x0"/>' + "".join(f'<alias id="x{i}" as="x{i + 1}"/>' for i in range(2000))
+    ),
+}
+
+
+@pytest.mark.parametrize("name", GROWING)
+def test_what_grows_beyond_all_bounds_is_refused(name: str, tmp_path: Path) -> None:
+    result = answer(write_scene(tmp_path, GROWING[name]()))
+    assert "more than" in result.error or "longer than" in result.error
+    assert result.seconds < SECONDS
+    assert result.memory < MEMORY
+
+
+def test_integrators_that_double_their_channels(tmp_path: Path) -> None:
+    inside = '<integrator type="path"/>'
+    for _ in range(10):
+        inside = f'<integrator type="moment">{inside}{inside}</integrator>'
+    scene = tmp_path / "scene.xml"
+    scene.write_text(f'<scene version="3.0.0"><sensor type="perspective"/>{inside}</scene>')
+    assert "more than 1024 channels" in error(scene)
+
+
+def test_files_that_include_each_other_twice(tmp_path: Path) -> None:
+    for i in range(12):
+        inside = f'<include filename="part{i + 1}.xml"/>' * 4 if i < 11 else '<shape type="sphere"/>'
+        (tmp_path / f"part{i}.xml").write_text(f'<scene version="3.0.0">{inside}</scene>')
+    assert "more than 1024 files" in error_of(tmp_path, '<include filename="part0.xml"/>')
+    (tmp_path / "large.xml").write_text(f'<scene version="3.0.0">{" " * 1_000_000}</scene>')
+    assert "included again" in error_of(tmp_path, '<include filename="large.xml"/>' * 9)
+
+
+MANY = 20_000
+REPEATED: dict[str, tuple[str, int]] = {  # and the number of warnings
+    "alike": ('<shape type="sphere"><float name="girth" value="1"/></shape>' * 5000, 2),
+    "different": (
+        '<shape type="sphere">'
+        + "".join(f'<float name="p{i}" value="1"/>' for i in range(5000))
+        + "</shape>",
+        1001,
+    ),
+    "parameters": (
+        "".join(f'<default name="p{i}" value="{i + 1}"/>' for i in range(MANY))
+        + "".join(f'<bsdf type="diffuse" id="$p{i}"/>' for i in range(2000)),
+        1,
+    ),
+    "unknown parameters": (
+        "".join(f'<default name="p{i}" value="{i}"/>' for i in range(MANY // 2))
+        + "".join(f'<bsdf type="diffuse" id="$q{i}"/>' for i in range(5000)),
+        1001,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REPEATED)
+def test_work_grows_with_the_file_and_no_faster(name: str, tmp_path: Path) -> None:
+    body, warnings = REPEATED[name]
+    result = answer(write_scene(tmp_path, body))
+    assert (result.error, result.warnings) == ("", warnings)
+    assert result.seconds < 4 * SECONDS  # a file of half a megabyte
+    assert result.memory < MEMORY
+
+
+NAME = '<string name="filename" value="{0}"/>'
+READERS = {
+    **{
+        shape: f'<shape type="{shape}">{NAME}</shape>'
+        for shape in ("ply", "obj", "serialized", "linearcurve", "hair", "heightfield", "sdfgrid")
+    },
+    "envmap": f'<emitter type="envmap">{NAME}</emitter>',
+    "spectrum": '<emitter type="constant"><spectrum name="radiance" filename="{0}"/></emitter>',
+    "measured": f'<shape type="sphere"><bsdf type="measured">{NAME}</bsdf></shape>',
+    "include": '<include filename="{0}"/>',
+    "volume": '<shape type="sphere"><medium name="interior" type="heterogeneous">'
+    f'<volume name="sigma_t" type="gridvolume">{NAME}</volume></medium></shape>',
+}
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_files_without_an_end(reader: str, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("zero.nvdb", "zero.png"):
+        (tmp_path / name).symlink_to("/dev/zero")
+    for name in ("/dev/zero", "pipe", "zero.nvdb", "zero.png"):
+        assert error_of(tmp_path, READERS[reader].format(name))
+
+
+SECRET = (
+    "root:$6$saltsalt$hashhash:19000:0:99999:7:::\n-----BEGIN OPENSSH PRIVATE KEY-----\nb3BlbnNzaC1rZXk\n"
+)
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("inside", [True, False], ids=["inside", "outside"])
+def test_no_message_shows_what_is_in_a_file(reader: str, inside: bool, tmp_path: Path) -> None:
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    (folder / "secret" if inside else tmp_path / "secret").write_text(SECRET)
+    told = error_of(folder, READERS[reader].format("secret" if inside else "../secret"))
+    assert not [word for word in ("root", "salt", "BEGIN", "b3Blb", "19000") if word in told]
+
+
+def test_scenes_of_other_folders_are_read_but_not_shown(tmp_path: Path) -> None:
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    (tmp_path / "other.xml").write_text(
+        '<scene version="3.0.0">\n<shape type="sphere"><float name="radius" value="-1"/></shape></scene>'
+    )
+    told = error_of(folder, '<include filename="../other.xml"/>')
+    assert "other.xml:2:50: error: " in told
+    assert "<float" not in told
+    (folder / "other.xml").write_bytes((tmp_path / "other.xml").read_bytes())
+    assert "<float" in error_of(folder, '<include filename="other.xml"/>')
+
+
+def test_a_small_picture_does_not_ask_for_all_memory(tmp_path: Path) -> None:
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    head = struct.pack(">IIBBBBB", 8000, 8000, 8, 2, 0, 0, 0)
+    data = zlib.compress(bytes(100_000))
+    (tmp_path / "a.png").write_bytes(
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+    )
+    told = error_of(tmp_path, READERS["envmap"].format("a.png"))
+    assert "8000 x 8000 pixels of 3 channels are too many for a file of" in told
+
+
+def test_large_arrays_are_looked_at_by_their_shape(monkeypatch: pytest.MonkeyPatch) -> None:
+    large = np.zeros((100, 100, 100), np.uint8)
+    monkeypatch.setattr(np, "asarray", lambda *arguments, **settings: pytest.fail("it was converted"))
+    scene = {"type": "scene", "ball": {"type": "sphere", "girth": large, "to_world": large}}
+    with pytest.raises(SceneError, match="expects a transform"):
+        lajolla.load_dict(scene)
+
+
+def test_secrets_in_the_scene_itself(tmp_path: Path) -> None:
+    (tmp_path / "scene.xml").write_text(SECRET)
+    assert "root" not in error(tmp_path / "scene.xml")
+    with pytest.raises(SceneError, match="not valid XML") as caught:
+        load_description(write_scene(tmp_path, "<shape"))
+    assert "</scene>" in str(caught.value)  # it is a scene as far as it goes
+    assert read(tmp_path, "").warnings

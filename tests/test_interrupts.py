@@ -1,0 +1,122 @@
+"""What signals, and streams that take nothing, do to a render: no picture is lost, no traceback is seen."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from lajolla import cli, image
+
+SCENE = """<scene version="3.0.0">
+    <integrator type="path"/>
+    <sensor type="perspective">
+        <film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/></film>
+        <sampler type="independent"><integer name="sample_count" value="4"/></sampler>
+    </sensor>
+    <emitter type="constant"/>
+    <shape type="sphere"><point name="center" z="5"/><float name="girth" value="1"/></shape>
+</scene>"""
+
+# Sends a signal when a module is imported, which is before or while the command line is loaded.
+INTERRUPTED_IMPORT = """
+import os, sys
+
+class Finder:
+    def find_spec(name, *rest):
+        if name == {module!r}:
+            os.kill(os.getpid(), {number})
+
+sys.meta_path.insert(0, Finder)
+sys.argv[1:] = ["render", "room.xml"]
+from lajolla.__main__ import main
+sys.exit(main())
+"""
+
+
+@pytest.fixture(autouse=True)
+def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "room.xml").write_text(SCENE)
+    monkeypatch.chdir(tmp_path)
+
+
+def shell(command: str) -> subprocess.CompletedProcess[str]:
+    """Runs a shell's command in which `lajolla` is the program; its exit code is printed last."""
+    program = f'lajolla() {{ "{sys.executable}" -m lajolla "$@"; echo "$?" >code; }}; '
+    return subprocess.run(
+        program + command, shell=True, capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    "streams",
+    ["2>&-", ">&-", "<&- >&- 2>&-", ">/dev/full 2>/dev/full", "2>&1 | head -n 1", "2>&1 | true"],
+)
+def test_no_stream_decides_over_the_picture(streams: str) -> None:
+    result = shell(f"lajolla render room.xml -o a.exr {streams}")
+    assert Path("code").read_text().strip() == "0"
+    assert image.read("a.exr").mean() > 0
+    assert "Traceback" not in result.stderr + result.stdout
+
+
+@pytest.mark.parametrize("command", ["--help", "list", "check room.xml"])
+@pytest.mark.parametrize("streams", [">/dev/full", ">&-"])
+def test_results_that_go_nowhere_are_an_error(command: str, streams: str) -> None:
+    result = shell(f"lajolla {command} {streams}")
+    assert Path("code").read_text().strip() == "1"
+    assert [line for line in result.stderr.splitlines() if line.startswith("lajolla: error: ")]
+    assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("module", ["argparse", "numpy", "lajolla._core"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_start_is_one_line(module: str, number: signal.Signals) -> None:
+    code = INTERRUPTED_IMPORT.format(module=module, number=int(number))
+    hears = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+    command = [sys.executable, "-c", code]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, **hears)
+    assert result.returncode == 128 + number
+    assert result.stderr == "lajolla: interrupted; nothing was written\n"
+
+
+def interrupting(write: Callable[..., None]) -> Callable[..., None]:
+    """A way of writing files during which there is a signal."""
+
+    def interrupted(*arguments: object, **settings: object) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        write(*arguments, **settings)
+
+    return interrupted
+
+
+@pytest.mark.usefixtures("as_from_a_terminal")
+def test_saving_waits_for_the_picture(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(image, "write", interrupting(image.write))
+    assert cli.main("render room.xml -o a.exr --quiet".split()) == 130
+    assert image.read("a.exr").mean() > 0
+    assert "once more ends at once" in capfd.readouterr().err
+
+
+def test_who_does_not_wait_is_let_go() -> None:
+    code = """
+import os, signal, sys, time
+from lajolla import cli, image
+
+def slow(*arguments, **settings):
+    for _ in range(2):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.3)
+
+image.write = slow
+sys.exit(cli.main("render room.xml -o a.exr --quiet".split()))
+"""
+    command = [sys.executable, "-c", code]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert result.returncode == 143
+    assert "interrupted; the picture may not be there" in result.stderr
+    assert "Traceback" not in result.stderr

@@ -1,0 +1,143 @@
+"""Where files go: through links, into pipes and devices, under names of any bytes; nothing is left behind."""
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reader_tools import messages
+
+from lajolla import cli, image
+from lajolla.scene import load_description
+from lajolla.scene.voxels import vol_bytes
+
+NAME = os.fsdecode(b"caf\xe9")  # latin-1, which is not UTF-8
+PICTURE = np.full((2, 3, 3), 0.5, np.float32)
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("ending", image.ENDINGS)
+def test_a_pipe_gets_the_bytes_of_the_file(ending: str) -> None:
+    pipe, file = Path("pipe" + ending), Path("file" + ending)
+    os.mkfifo(pipe)
+    received: list[bytes] = []
+    reader = threading.Thread(target=lambda: received.append(pipe.read_bytes()))
+    reader.start()
+    for path in (pipe, file):
+        image.write(path, PICTURE)
+    reader.join(timeout=30)
+    assert pipe.is_fifo()
+    assert len(received[0]) == len(file.read_bytes())
+    assert sorted(os.listdir()) == sorted([pipe.name, file.name])
+
+
+def test_devices_survive() -> None:
+    Path("null.exr").symlink_to("/dev/null")
+    Path("full.exr").symlink_to("/dev/full")
+    image.write(Path("null.exr"), PICTURE)
+    assert Path("/dev/null").is_char_device()
+    with pytest.raises(image.ImageError, match="cannot be written: No space left"):
+        image.write(Path("full.exr"), PICTURE)
+    assert Path("/dev/full").is_char_device()
+
+
+def test_the_name_that_is_given_tells_the_format() -> None:
+    Path("stored.png").write_text("old")
+    Path("picture.exr").symlink_to("stored.png")
+    Path("new.pfm").symlink_to("not-there-yet.pfm")
+    for name in ("picture.exr", "new.pfm"):
+        image.write(Path(name), PICTURE)
+        assert Path(name).is_symlink()
+    assert Path("stored.png").read_bytes().startswith(b"\x76\x2f\x31\x01")  # OpenEXR
+    assert Path("not-there-yet.pfm").read_bytes().startswith(b"PF")
+
+
+def test_a_loop_of_links_is_refused() -> None:
+    Path("a.exr").symlink_to("b.exr")
+    Path("b.exr").symlink_to("a.exr")
+    with pytest.raises(image.ImageError, match=r"a\.exr: is a link that leads to itself"):
+        image.check_output("a.exr")
+
+
+def test_what_a_killed_process_left_is_removed() -> None:
+    code = """
+import os, signal
+from pathlib import Path
+from lajolla import image
+with image.replacing(Path("a.npy")) as temporary:
+    temporary.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", code], timeout=60, check=False)
+    Path(".other.npy").write_text("not ours")
+    assert len(os.listdir()) == 2
+    image.write(Path("b.npy"), PICTURE)
+    assert len(os.listdir()) == 3  # another file's is not touched
+    with image.replacing(Path("a.npy")) as ours:
+        ours.write_text("being written")
+        image.write(Path("a.npy"), PICTURE)
+        assert ours.exists()
+    assert sorted(os.listdir()) == [".other.npy", "a.npy", "b.npy"]
+
+
+@pytest.mark.parametrize("ending", image.ENDINGS)
+def test_names_of_any_bytes(ending: str) -> None:
+    os.mkdir(NAME)
+    image.write(Path(NAME, NAME + ending), PICTURE)
+    assert os.listdir(NAME) == [NAME + ending]
+    if ending not in image.MATRIX:
+        np.testing.assert_allclose(image.read(Path(NAME, NAME + ending)), 0.5, atol=0.01)
+
+
+SCENE = """<?xml version="1.0" encoding="latin-1"?>
+<scene version="3.0.0">
+    <integrator type="volpath"/><sensor type="perspective"/>
+    <emitter type="envmap"><string name="filename" value="caf\xe9.exr"/></emitter>
+    <shape type="obj">
+        <string name="filename" value="caf\xe9.obj"/>
+        <bsdf type="diffuse">
+            <texture type="bitmap" name="reflectance"><string name="filename" value="caf\xe9.png"/></texture>
+        </bsdf>
+    </shape>
+    <shape type="linearcurve">
+        <string name="filename" value="caf\xe9.txt"/>
+        <bsdf type="diffuse"><spectrum name="reflectance" filename="caf\xe9.spd"/></bsdf>
+    </shape>
+    <shape type="cube">
+        <medium name="interior" type="heterogeneous">
+            <volume name="sigma_t" type="gridvolume"><string name="filename" value="caf\xe9.vol"/></volume>
+        </medium>
+    </shape>
+</scene>"""
+
+
+@pytest.fixture
+def latin(tmp_path: Path) -> Path:
+    """A folder and a scene with names in latin-1, and its files."""
+    folder = tmp_path / NAME
+    folder.mkdir()
+    image.write(folder / f"{NAME}.exr", PICTURE)
+    image.write(folder / f"{NAME}.png", PICTURE)
+    (folder / f"{NAME}.obj").write_text("v 0 0 5\nv 1 0 5\nv 0 1 5\nf 1 2 3\n")
+    (folder / f"{NAME}.txt").write_text("0 0 5 1\n0 1 5 1\n")
+    (folder / f"{NAME}.spd").write_text("400 0.5\n700 0.5\n")
+    (folder / f"{NAME}.vol").write_bytes(vol_bytes(np.ones((2, 2, 2, 1), np.float32)))
+    scene = folder / f"{NAME}.xml"
+    scene.write_bytes(SCENE.encode("latin-1"))
+    return scene
+
+
+def test_scenes_whose_files_have_any_names(latin: Path) -> None:
+    assert messages(load_description(latin), latin.parent) == []
+
+
+def test_what_xml_cannot_name_is_copied_when_a_scene_is_converted(latin: Path, tmp_path: Path) -> None:
+    assert cli.main(["convert", str(latin), str(tmp_path / f"{NAME}.xml")]) == 0
+    assert messages(load_description(tmp_path / f"{NAME}.xml"), tmp_path) == []
