@@ -84,9 +84,15 @@ def test_messages_are_what_the_reader_says(readme: str, repository: Path, clone:
         assert any(message in text for text in said), message
 
 
-def test_the_bsdf_to_add_compiles(readme: str, extending: str, repository: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("lobe", ["in lanes", "for one path"])
+def test_the_bsdf_to_add_compiles(
+    lobe: str, readme: str, extending: str, repository: Path, tmp_path: Path
+) -> None:
     """With the include and the name in the list that both documents show."""
-    model, include, listed = blocks(extending, "cpp")
+    model, include, listed, one_path = blocks(extending, "cpp")
+    if lobe == "for one path":
+        start = model.index("    template <class Float>\n    struct Lobe")
+        model = model[:start] + one_path + "};\n\n} // namespace lajolla\n"
     assert blocks(readme, "cpp") == [include, listed] and "Minnaert, Null>;" in listed
     header = (repository / "core" / "scatter" / "bsdfs.h").read_text()
     assert ", Null>;" in header

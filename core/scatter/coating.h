@@ -59,7 +59,9 @@ struct CoatingOf {
 
         BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
             const Side o = side(wo);
-            return select(wo.z > 0.0f && wi.z > 0.0f, eval_above(wo, wi, o, choice(o)), {});
+            const auto above = wo.z > 0.0f && wi.z > 0.0f;
+            if (!any(above)) return {};
+            return select(above, eval_above(wo, wi, o, choice(o)), {});
         }
 
         BsdfSample<Float> sample(const Vec3<Float> &wo, Float u_lobe, const Vec2<Float> &u) const {
@@ -71,6 +73,11 @@ struct CoatingOf {
             const auto comes_back = o.inner.z > 0.0f && below.valid && below.wi.z > 0.0f,
                        is_mirror = comes_back && below.delta;
 
+            BsdfSample<Float> image;
+            const auto mirrored = entering ? is_mirror && !at_layer : is_mirror || at_layer;
+            if (any(mirrored)) image = mirror_image(wo, o, p, below, is_mirror);
+            if (all(mirrored)) return image;
+
             Vec3<Float> wi = outwards(below.wi);
             if (entering && any(at_layer))
                 wi = select(at_layer, reflect(wo, surface.sample_visible(wo, u)), wi);
@@ -81,9 +88,7 @@ struct CoatingOf {
                                               .weight = e.f_cos / e.pdf,
                                               .pdf = e.pdf,
                                               .width = select(at_layer, surface.roughness(), below.width)};
-            const auto mirrored = entering ? is_mirror && !at_layer : is_mirror || at_layer;
-            if (!any(mirrored)) return scattered;
-            return select(mirrored, mirror_image(wo, o, p, below, is_mirror), scattered);
+            return select(mirrored, image, scattered);
         }
 
     private:
@@ -102,7 +107,9 @@ struct CoatingOf {
             return {x, y, safe_sqrt(1 - x * x - y * y)};
         }
         Rgb<Float> passed(const Side &o, const Side &i) const {
-            const Float ways = 1 / o.inner.z + 1 / i.inner.z, through = o.through * i.through;
+            const Float through = o.through * i.through;
+            if (!any(max_component(absorption) > 0.0f)) return Rgb<Float>(through);
+            const Float ways = 1 / o.inner.z + 1 / i.inner.z;
             const auto left = [&](Float a) { return through * select(a > 0.0f, exp(-a * ways), Float(1)); };
             return {left(absorption.x), left(absorption.y), left(absorption.z)};
         }
@@ -112,8 +119,8 @@ struct CoatingOf {
             const Float p = select(above + below > 0.0f, above / (above + below), Float(1));
             return select(is_black(reflectance), Float(0), p);
         }
-        // What is left of u_lobe for the base. For the layer's samples it is 0, with which models choose
-        // their mirror: its image is that of a smooth layer.
+        // What is left of u_lobe for the base. It is 0 for samples of the layer: models choose their mirror
+        // by small numbers, and a smooth layer has the same mirror image.
         static Float rest(Float u_lobe, Float p) {
             return clamp((u_lobe - p) / (1 - p), 0.0f, one_minus_ulp);
         }
