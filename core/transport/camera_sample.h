@@ -1,5 +1,7 @@
 #pragma once
-// Where a sample lies on the film, and the camera's ray through it.
+// Where a sample lies on the film, the camera's ray through it, and what the ray meets.
+
+#include <optional>
 
 #include "base/sampler.h"
 #include "scene/scene.h"
@@ -31,5 +33,33 @@ FilmSample<Float> sample_film(const Scene &scene, const CameraSample<Float> &u, 
     result.camera.lens = u.lens;
     return result;
 }
+
+// A camera ray and what it meets first: found when somebody asks, and once for all that is recorded of a
+// sample.
+class PrimaryRay {
+public:
+    PrimaryRay(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera)
+        : scene_(scene), tracer_(tracer), camera_(camera) {}
+
+    const CameraRay<float> &camera() const { return camera_; }
+    const std::optional<RayHit> &found() {
+        if (!traced_) found_ = tracer_.closest(camera_.ray);
+        traced_ = true;
+        return found_;
+    }
+    // Everything about it.
+    const std::optional<Hit<float>> &hit() {
+        if (!hit_ && found()) hit_ = scene_.hit(camera_.ray, *found_, camera_.cone);
+        return hit_;
+    }
+
+private:
+    const Scene &scene_;
+    Tracer &tracer_;
+    CameraRay<float> camera_;
+    bool traced_ = false;
+    std::optional<RayHit> found_;
+    std::optional<Hit<float>> hit_;
+};
 
 } // namespace lajolla

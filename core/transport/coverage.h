@@ -1,6 +1,7 @@
 #pragma once
 // The alpha channel.
 
+#include "transport/camera_sample.h"
 #include "transport/media.h"
 #include "transport/visibility.h"
 
@@ -10,14 +11,13 @@ namespace lajolla {
 // the scene. What lets a ray pass straight through is not there; the random numbers are those of the path,
 // and so is `medium`, which is in its first state.
 template <class Medium>
-float coverage(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera, bool hide_emitters,
-               Medium medium) {
+float coverage(const Scene &scene, Tracer &tracer, PrimaryRay &primary, bool hide_emitters, Medium medium) {
     if (!hide_emitters && scene.lights().has_environment()) return 1;
-    Ray<float> ray = camera.ray;
-    RayCone<float> cone = camera.cone;
-    float flight = camera.flight;
+    Ray<float> ray = primary.camera().ray;
+    RayCone<float> cone = primary.camera().cone;
+    float flight = primary.camera().flight;
+    auto found = primary.found();
     for (int passages = 0; passages <= max_null_transmissions; ++passages) {
-        const auto found = tracer.closest(ray);
         if constexpr (Medium::present)
             if (medium.current >= 0) {
                 Ray<float> piece = ray;
@@ -33,6 +33,7 @@ float coverage(const Scene &scene, Tracer &tracer, const CameraRay<float> &camer
         ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
         cone = hit.footprint;
         medium.cross(hit, ray.direction);
+        found = tracer.closest(ray);
     }
     return 0;
 }

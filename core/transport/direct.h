@@ -28,8 +28,7 @@ struct Direct {
             throw std::invalid_argument("emitter_samples and bsdf_samples are both 0");
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                      const CameraRay<float> &camera) const;
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const;
 
 private:
     // The power heuristic for several samples of each strategy (Veach 1997, section 9.2.2): what one of
@@ -58,11 +57,10 @@ struct Sight {
 // rays pass, `pdf` the density of sampling the light from `origin`.
 template <class Weight>
 Sight look(const Scene &scene, Tracer &tracer, const Vec3f &origin, Ray<float> ray, RayCone<float> cone,
-           float flight, bool hide_emitters, Weight &&weight) {
+           std::optional<RayHit> found, float flight, bool hide_emitters, Weight &&weight) {
     Sight sight{std::nullopt, Spectrum(0), Spectrum(1), flight};
     float reach = 1;
     for (int passages = 0; passages <= max_null_transmissions; ++passages) {
-        const auto found = tracer.closest(ray);
         if (!found) {
             if (!hide_emitters)
                 sight.light += sight.throughput * scene.lights().environment(ray.direction) *
@@ -83,6 +81,7 @@ Sight look(const Scene &scene, Tracer &tracer, const Vec3f &origin, Ray<float> r
         reach *= through.probability;
         ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
         cone = hit.footprint;
+        found = tracer.closest(ray);
     }
     return sight;
 }
@@ -113,14 +112,17 @@ inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hi
         return share(bsdf_samples, scattered.pdf * reach, emitter_samples, alone ? 0 : light_pdf());
     };
     const Ray<float> ray{leave(hit, direction), direction, 0, infinity};
-    const auto sight = detail::look(scene, tracer, hit.position, ray, hit.footprint, u.flight, false, weight);
+    const auto sight = detail::look(scene, tracer, hit.position, ray, hit.footprint, tracer.closest(ray),
+                                    u.flight, false, weight);
     return scattered.weight * sight.light / sqr(scattered.eta);
 }
 
 inline Spectrum Direct::radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                                 const CameraRay<float> &camera) const {
-    const auto sight = detail::look(scene, tracer, camera.ray.origin, camera.ray, camera.cone, camera.flight,
-                                    hide_emitters, [](float, auto &&) { return 1.0f; });
+                                 PrimaryRay &primary) const {
+    const CameraRay<float> &camera = primary.camera();
+    const auto sight =
+        detail::look(scene, tracer, camera.ray.origin, camera.ray, camera.cone, primary.found(),
+                     camera.flight, hide_emitters, [](float, auto &&) { return 1.0f; });
     if (!sight.hit) return sight.light;
     const Vec3f wo = -camera.ray.direction;
     const AnySurface chosen = scene.surface(*sight.hit, wo, sight.u);

@@ -5,6 +5,7 @@
 
 #include "base/sampler.h"
 #include "scene/scene.h"
+#include "transport/camera_sample.h"
 
 namespace lajolla {
 
@@ -49,10 +50,9 @@ struct FirstHit {
             field("first_shape", &FirstHit::first_shape, "from which shape_index counts").range(0));
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &,
-                      const CameraRay<float> &camera) const {
-        const auto found = tracer.closest(camera.ray);
-        return found ? value(scene, camera, scene.hit(camera.ray, *found, camera.cone)) : undefined;
+    Spectrum radiance(const Scene &scene, Tracer &, const Sampler &, PrimaryRay &primary) const {
+        const auto &hit = primary.hit();
+        return hit ? value(scene, primary.camera(), *hit) : undefined;
     }
 
 private:

@@ -18,6 +18,7 @@
 #include "base/fields.h"
 #include "base/sampler.h"
 #include "scene/scene.h"
+#include "transport/camera_sample.h"
 #include "transport/media.h"
 #include "transport/vertex.h"
 #include "transport/visibility.h"
@@ -68,9 +69,8 @@ struct Path {
             field("strategy", &Path::strategy, "sample lights, BSDFs, or both weighted by their densities"));
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                      const CameraRay<float> &camera) const {
-        return trace<Vacuum>(scene, tracer, sampler, camera);
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const {
+        return trace<Vacuum>(scene, tracer, sampler, primary);
     }
     // Whether radiance() takes surfaces alone into account.
     bool is_vacuum(const Scene &) const { return true; }
@@ -174,8 +174,7 @@ protected:
 
     // The radiance along a camera ray.
     template <class Medium>
-    Spectrum trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                   const CameraRay<float> &camera) const;
+    Spectrum trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const;
 
 private:
     // The weight of radiance found by hitting a light that light sampling picks with density `light_pdf`.
@@ -324,13 +323,12 @@ Path::Course Path::visit(const Scene &scene, Tracer &tracer, const Sampler &samp
 }
 
 template <class Medium>
-Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                     const CameraRay<float> &camera) const {
+Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const {
+    if (max_depth == 0) return Spectrum(0);
+    const CameraRay<float> &camera = primary.camera();
     Walk<Medium> walk{start(camera), Medium(scene, camera, sampler, media_scatter)};
-    while (walk.path.depth <= max_depth || max_depth < 0) {
-        // Drawn before the ray is traced: the processor computes both at once.
+    for (auto found = primary.found();; found = tracer.closest(walk.path.ray)) {
         const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(walk.path.block));
-        const auto found = tracer.closest(walk.path.ray);
         if constexpr (Medium::present)
             if (walk.medium.current >= 0) {
                 const Course course = cross_medium(scene, tracer, sampler, u, found, walk);
