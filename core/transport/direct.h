@@ -23,123 +23,73 @@ struct Direct {
             field("hide_emitters", &Direct::hide_emitters, "the camera looks through lights"));
     }
 
-    void build() const {
+    void build() {
         if (emitter_samples + bsdf_samples == 0)
             throw std::invalid_argument("emitter_samples and bsdf_samples are both 0");
+        path_.hide_emitters = hide_emitters;
+        path_.strategy = emitter_samples == 0 ? Strategy::bsdf
+                         : bsdf_samples == 0  ? Strategy::light
+                                              : Strategy::mis;
     }
 
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const;
 
 private:
-    // The power heuristic for several samples of each strategy (Veach 1997, section 9.2.2): what one of
-    // `count` samples counts, shared between all of them.
-    static float share(int count, float pdf, int other_count, float other_pdf) {
-        const float n = static_cast<float>(count);
-        return power_heuristic(n * pdf, static_cast<float>(other_count) * other_pdf) / n;
+    // Several samples of each strategy weigh as if their densities were so many times as high (Veach 1997,
+    // section 9.2.2). Only the ratio of these counts: it goes into the density of paths.
+    float directions_per_light() const {
+        return static_cast<float>(bsdf_samples) / static_cast<float>(emitter_samples);
     }
-
-    Spectrum sample_light(const Scene &scene, Tracer &tracer, const Hit<float> &hit,
-                          const AnySurface &surface, const BounceSample<float> &u) const;
+    // Follows a path to the surface that stops it, which `hit` becomes; false where none does.
+    bool reach_surface(const Scene &scene, Tracer &tracer, std::optional<RayHit> found,
+                       Path::Walk<Vacuum> &walk, Hit<float> &hit) const;
     Spectrum sample_bsdf(const Scene &scene, Tracer &tracer, const Hit<float> &hit, const AnySurface &surface,
                          const BounceSample<float> &u) const;
+
+    Path path_; // its estimators are used
 };
 
-namespace detail {
-
-// A ray's way to the first surface that does not let it pass, and the light met until then.
-struct Sight {
-    std::optional<Hit<float>> hit;
-    Spectrum light{0}, throughput{1};
-    float u; // what is left of the random number that decided about passing
-};
-
-// Light counts weight(reach, pdf()) times: `reach` is the chance of coming that far through what lets
-// rays pass, `pdf` the density of sampling the light from `origin`.
-template <class Weight>
-Sight look(const Scene &scene, Tracer &tracer, const Vec3f &origin, Ray<float> ray, RayCone<float> cone,
-           std::optional<RayHit> found, float flight, bool hide_emitters, Weight &&weight) {
-    Sight sight{std::nullopt, Spectrum(0), Spectrum(1), flight};
-    float reach = 1;
-    for (int passages = 0; passages <= max_null_transmissions; ++passages) {
-        if (!found) {
-            if (!hide_emitters)
-                sight.light += sight.throughput * scene.lights().environment(ray.direction) *
-                               weight(reach, [&] { return scene.lights().pdf_environment(ray.direction); });
-            break;
-        }
-        const Hit<float> hit = scene.hit(ray, *found, cone);
-        const bool hidden = hide_emitters && hit.emitter >= 0;
-        if (hit.emitter >= 0 && !hidden)
-            sight.light += sight.throughput * scene.lights().emitted(hit, -ray.direction) *
-                           weight(reach, [&] { return scene.lights().pdf_hit(origin, hit, ray.direction); });
-        const NullTransmission<float> through = null_transmission_at(scene, hit, ray.direction, hidden);
-        if (!passes(through.probability, sight.u)) {
-            sight.hit = hit;
-            break;
-        }
-        sight.throughput *= through.transmittance / through.probability;
-        reach *= through.probability;
-        ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
-        cone = hit.footprint;
-        found = tracer.closest(ray);
+inline bool Direct::reach_surface(const Scene &scene, Tracer &tracer, std::optional<RayHit> found,
+                                  Path::Walk<Vacuum> &walk, Hit<float> &hit) const {
+    for (;; found = tracer.closest(walk.path.ray)) {
+        const Path::Course course = path_.meet(scene, found, walk, hit);
+        if (course != Path::Course::passed) return course == Path::Course::stopped;
     }
-    return sight;
-}
-
-} // namespace detail
-
-inline Spectrum Direct::sample_light(const Scene &scene, Tracer &tracer, const Hit<float> &hit,
-                                     const AnySurface &surface, const BounceSample<float> &u) const {
-    const DirectSample<float> light = scene.lights().sample_direct(hit.position, u.light, u.light_uv);
-    if (light.pdf == 0) return Spectrum(0);
-    const SurfaceVertex vertex{hit, surface};
-    const BsdfEval<float> bsdf = vertex.eval(light.wi);
-    if (is_black(bsdf.f_cos)) return Spectrum(0);
-    const auto arrived = arrival(scene, tracer, vertex, light, Vacuum());
-    if (!arrived) return Spectrum(0);
-    const float bsdf_pdf = light.delta ? 0 : bsdf.pdf * arrived->reach;
-    const float weight = share(emitter_samples, light.pdf, bsdf_samples, bsdf_pdf);
-    return bsdf.f_cos * light.radiance * arrived->fraction * (weight / (light.pdf * sqr(bsdf.eta)));
 }
 
 inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hit<float> &hit,
                                     const AnySurface &surface, const BounceSample<float> &u) const {
-    const BsdfSample<float> scattered = surface.sample(u.lobe, u.bsdf_uv);
-    if (!scattered.valid) return Spectrum(0);
-    const bool alone = surface.sharp || scattered.delta; // light sampling cannot find this direction
-    const Vec3f direction = scattered.wi;
-    const auto weight = [&](float reach, auto &&light_pdf) {
-        return share(bsdf_samples, scattered.pdf * reach, emitter_samples, alone ? 0 : light_pdf());
-    };
-    const Ray<float> ray{leave(hit, direction), direction, 0, infinity};
-    const auto sight = detail::look(scene, tracer, hit.position, ray, hit.footprint, tracer.closest(ray),
-                                    u.flight, false, weight);
-    return scattered.weight * sight.light / sqr(scattered.eta);
+    const BsdfSample<float> sample = surface.sample(u.lobe, u.bsdf_uv);
+    if (!sample.valid) return Spectrum(0);
+    Path::Walk<Vacuum> walk;
+    Path::scatter(scene, hit, sample, surface.sharp, walk.path);
+    walk.path.pdf *= directions_per_light();
+    walk.path.flight = u.flight;
+    Hit<float> end;
+    reach_surface(scene, tracer, tracer.closest(walk.path.ray), walk, end);
+    return walk.radiance;
 }
 
 inline Spectrum Direct::radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                                  PrimaryRay &primary) const {
-    const CameraRay<float> &camera = primary.camera();
-    const auto sight =
-        detail::look(scene, tracer, camera.ray.origin, camera.ray, camera.cone, primary.found(),
-                     camera.flight, hide_emitters, [](float, auto &&) { return 1.0f; });
-    if (!sight.hit) return sight.light;
-    const Vec3f wo = -camera.ray.direction;
-    const AnySurface chosen = scene.surface(*sight.hit, wo, sight.u);
+    Path::Walk<Vacuum> walk{Path::start(primary.camera()), Vacuum()};
+    Hit<float> hit;
+    if (!reach_surface(scene, tracer, primary.found(), walk, hit)) return walk.radiance;
+    const Vec3f wo = -walk.path.ray.direction;
+    const AnySurface chosen = scene.surface(hit, wo, walk.path.flight);
+    const auto number = [&](int i) { return sampler.bounce(static_cast<std::uint32_t>(i)); };
+    const auto share_of = [](int samples) { return 1 / static_cast<float>(samples); };
     Spectrum scattered{0};
-    const int lights = scene.lights().empty() ? 0 : emitter_samples;
-    scene.for_each_surface(*sight.hit, wo, chosen, [&](const AnySurface &surface, float share) {
+    scene.for_each_surface(hit, wo, chosen, [&](const AnySurface &surface, float share) {
         if (surface.black || surface.sharp) return;
-        for (int i = 1; i <= lights; ++i) {
-            const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(i));
-            scattered += share * sample_light(scene, tracer, *sight.hit, surface, u);
-        }
+        for (int i = 1; i <= emitter_samples; ++i)
+            scattered += share * share_of(emitter_samples) *
+                         path_.direct_light(scene, tracer, SurfaceVertex{hit, surface}, number(i), Vacuum(),
+                                            directions_per_light());
     });
-    for (int i = 1; i <= bsdf_samples && !chosen.black; ++i) {
-        const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(i));
-        scattered += sample_bsdf(scene, tracer, *sight.hit, chosen, u);
-    }
-    return sight.light + sight.throughput * scattered;
+    for (int i = 1; i <= bsdf_samples && !chosen.black; ++i)
+        scattered += share_of(bsdf_samples) * sample_bsdf(scene, tracer, hit, chosen, number(i));
+    return walk.radiance + walk.path.throughput * scattered;
 }
 
 } // namespace lajolla

@@ -303,17 +303,15 @@ void Wavefront::follow_one_by_one(std::span<const std::int32_t> paths, Tracer &t
         const auto sample = static_cast<std::size_t>(sample_of(index));
         Path::Walk<Vacuum> walk{one(paths_[i]), Vacuum(), radiance_[sample]};
         const Sampler &sampler = samplers_[sample];
-        const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(walk.path.block));
         const RayHit found{hits_[i].distance,
                            hits_[i].b1,
                            hits_[i].b2,
                            static_cast<std::uint32_t>(shapes_[i]),
                            static_cast<std::uint32_t>(hits_[i].primitive),
                            static_cast<std::uint32_t>(instances_[i])};
-        const Path::Course course = integrator_.visit(scene_, tracer, sampler, u, found, walk);
+        const bool goes_on = integrator_.step(scene_, tracer, sampler, found, walk);
         radiance_[sample] = walk.radiance;
-        if (course != Path::Course::ended)
-            next_[next_count_++] = stored(walk.path, static_cast<std::int32_t>(sample));
+        if (goes_on) next_[next_count_++] = stored(walk.path, static_cast<std::int32_t>(sample));
     }
 }
 
@@ -352,13 +350,14 @@ void Wavefront::add_direct_light(const Vertex &vertex, const DirectSample<WideFl
     add(value, vertex.packet, lit && blockers.shape < 0);
     for_each_lane(lit && blockers.shape >= 0, [&](int k) {
         if (!transmits_[static_cast<std::size_t>(blockers.shape[k])]) return;
-        const Hit<float> one_hit = lane_of(hit, k);
         const DirectSample<float> one_light = lane_of(light, k);
-        const auto arrived = arrival(scene_, tracer, SurfacePoint{one_hit}, one_light, Vacuum());
-        if (!arrived) return;
+        const auto arriving = transmittance(scene_, tracer, lane_of(ray, k), blockers[k],
+                                            hit.position_error[k], one_light, Vacuum());
+        if (!arriving) return;
         const BsdfEval<float> f{lane_of(bsdf.f_cos, k), bsdf.pdf[k], bsdf.eta[k]};
         radiance_[static_cast<std::size_t>(vertex.packet.samples[k])] +=
-            lane_of(throughput, k) * (integrator_.direct(one_light, f, arrived->reach) * arrived->value());
+            lane_of(throughput, k) *
+            (integrator_.direct(one_light, f, arriving->path_pdf) * arriving->value());
     });
 }
 
