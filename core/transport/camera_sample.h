@@ -27,8 +27,8 @@ FilmSample<Float> sample_film(const Scene &scene, const CameraSample<Float> &u, 
     const Vec2<Float> position{(x + 0.5f + place.offset.x) / static_cast<float>(film.width),
                                (y + 0.5f + place.offset.y) / static_cast<float>(film.height)};
     FilmSample<Float> result{scene.camera_ray(position, u.lens), place.weight};
-    result.camera.flight = u.flight;
-    result.camera.channel = u.channel;
+    result.camera.u_event = u.event;
+    result.camera.u_channel = u.channel;
     result.camera.film = position;
     result.camera.lens = u.lens;
     return result;

@@ -14,7 +14,7 @@ float coverage(const Scene &scene, Tracer &tracer, PrimaryRay &primary, bool hid
     PathState<float> path = Path::start(primary.camera());
     auto found = primary.found();
     while (path.null_transmissions <= max_null_transmissions) {
-        if (medium.fly(scene, path.ray, found, path.flight).collision) return 1;
+        if (medium.fly(scene, path.ray, found, path.u_event).collision) return 1;
         if (!found) return 0;
         const Hit<float> hit = scene.hit(path.ray, *found, path.cone, scene.needs());
         const bool shines = hit.emitter >= 0;

@@ -62,9 +62,9 @@ inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hi
     const BsdfSample<float> sample = surface.sample(u.lobe, u.bsdf_uv);
     if (!sample.valid) return Spectrum(0);
     Path::Walk<Vacuum> walk;
-    Path::scatter(scene, hit, sample, surface.sharp, walk.path);
+    Path::scatter(scene, hit, sample, surface.delta, walk.path);
     walk.path.pdf *= directions_per_light();
-    walk.path.flight = u.flight;
+    walk.path.u_event = u.event;
     Hit<float> end;
     reach_surface(scene, tracer, tracer.closest(walk.path.ray), walk, end);
     return walk.radiance;
@@ -76,12 +76,12 @@ inline Spectrum Direct::radiance(const Scene &scene, Tracer &tracer, const Sampl
     Hit<float> hit;
     if (!reach_surface(scene, tracer, primary.found(), walk, hit)) return walk.radiance;
     const Vec3f wo = -walk.path.ray.direction;
-    const AnySurface chosen = scene.surface(hit, wo, walk.path.flight);
+    const AnySurface chosen = scene.surface(hit, wo, walk.path.u_event);
     const auto number = [&](int i) { return sampler.bounce(static_cast<std::uint32_t>(i)); };
     const auto share_of = [](int samples) { return 1 / static_cast<float>(samples); };
     Spectrum scattered{0};
     scene.for_each_surface(hit, wo, chosen, [&](const AnySurface &surface, float share) {
-        if (surface.black || surface.sharp) return;
+        if (surface.black || surface.delta) return;
         for (int i = 1; i <= emitter_samples; ++i)
             scattered += share * share_of(emitter_samples) *
                          path_.direct_light(scene, tracer, SurfaceVertex{hit, surface}, number(i), Vacuum(),

@@ -69,7 +69,7 @@ public:
 
     InMedia(const Scene &scene, const CameraRay<float> &camera, const Sampler &sampler, bool scatters)
         : current(scene.camera_medium()), scatters_(scatters),
-          channel_(std::min(static_cast<std::size_t>(camera.channel * 3), std::size_t(2))),
+          channel_(std::min(static_cast<std::size_t>(camera.u_channel * 3), std::size_t(2))),
           numbers_(sampler.stream(0)) {}
 
     std::int32_t current; // the medium that the ray is in, -1 for none

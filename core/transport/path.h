@@ -44,8 +44,11 @@ struct PathState {
     Float pdf = 1;              // of the ray's direction, and of coming as far as it has
     BoolOf<Float> delta = true; // light sampling had no chance to find this direction
     Rgb<Float> throughput{1};
-    Float eta = 1;                       // of the substance the ray is in, relative to the camera's
-    Float flight = 0;                    // decides what happens between two vertices
+    Float eta = 1; // of the substance the ray is in, relative to the camera's
+    // A uniform number that decides what comes next along the ray: a collision in a medium, else going
+    // straight on through a surface, else which leaf of a blend scatters. Each decision leaves a number for
+    // the next.
+    Float u_event = 0;
     IntOf<Float> depth = 1;              // segments so far
     IntOf<Float> block = 1;              // of the sampler's numbers
     IntOf<Float> null_transmissions = 0; // surfaces that the path went straight through
@@ -78,7 +81,7 @@ struct Path {
     template <class Float>
     static PathState<Float> start(const CameraRay<Float> &camera) {
         PathState<Float> path{camera.ray, camera.cone, camera.ray.origin};
-        path.flight = camera.flight;
+        path.u_event = camera.u_event;
         return path;
     }
 
@@ -117,12 +120,12 @@ struct Path {
     // along a ray that refracts (Veach 1997, section 5.2).
     template <class Float>
     static void scatter(const Scene &scene, const Hit<Float> &hit, const BsdfSample<Float> &sample,
-                        BoolOf<Float> sharp, PathState<Float> &path) {
+                        BoolOf<Float> delta, PathState<Float> &path) {
         path.throughput = path.throughput * sample.weight * (1 / sqr(sample.eta));
         path.eta *= sample.eta;
         path.from = hit.position;
         path.pdf = sample.pdf;
-        path.delta = sharp || sample.delta;
+        path.delta = delta || sample.delta;
         path.ray = {leave(hit, sample.wi), sample.wi};
         if (scene.reads_footprints())
             path.cone = hit.footprint.scattered(hit.mean_curvature, sample.width, sample.eta);
@@ -132,7 +135,7 @@ struct Path {
     // `highest` chance of survival. False where the path ends.
     template <class Float>
     BoolOf<Float> survives(const BounceSample<Float> &u, float highest, PathState<Float> &path) const {
-        path.flight = u.flight;
+        path.u_event = u.event;
         path.block += 1;
         const auto plays = path.depth > std::min(rr_depth, longest_without_roulette);
         if (!any(plays)) return true;
@@ -163,7 +166,7 @@ struct Path {
         NullTransmission<float> through;
         if (hidden) through = {Spectrum(1), 1};
         else if (scene.has_null_transmission()) through = scene.null_transmission(hit, -path.ray.direction);
-        if (!passes(through.probability, path.flight)) return false;
+        if (!passes(through.probability, path.u_event)) return false;
         pass_through(hit, through, path);
         medium.cross(hit, path.ray.direction);
         return true;
@@ -270,7 +273,7 @@ bool Path::goes_on(const Sampler &sampler, const BounceSample<float> &u, float h
 inline std::optional<Vec3f> Path::cross_medium(const Scene &scene, const std::optional<RayHit> &found,
                                                Walk<InMedia> &walk) const {
     PathState<float> &path = walk.path;
-    const Flight flight = walk.medium.fly(scene, path.ray, found, path.flight);
+    const Flight flight = walk.medium.fly(scene, path.ray, found, path.u_event);
     walk.radiance += path.throughput * flight.emitted;
     path.throughput *= flight.weight;
     path.pdf *= flight.pdf;
@@ -301,9 +304,9 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
                               const BounceSample<float> &u, const Hit<float> &hit, Walk<Medium> &walk) const {
     PathState<float> &path = walk.path;
     const Vec3f wo = -path.ray.direction;
-    const AnySurface surface = scene.surface(hit, wo, path.flight);
+    const AnySurface surface = scene.surface(hit, wo, path.u_event);
     scene.for_each_surface(hit, wo, surface, [&](const AnySurface &each, float share) {
-        if (!each.black && !each.sharp)
+        if (!each.black && !each.delta)
             walk.radiance +=
                 path.throughput * share *
                 direct_light(scene, tracer, SurfaceVertex{hit, each}, u,
@@ -313,7 +316,7 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
 
     const BsdfSample<float> sample = surface.sample(u.lobe, u.bsdf_uv);
     if (!sample.valid) return false;
-    scatter(scene, hit, sample, surface.sharp, path);
+    scatter(scene, hit, sample, surface.delta, path);
     walk.medium.cross(hit, path.ray.direction);
     return true;
 }
