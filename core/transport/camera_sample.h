@@ -34,8 +34,8 @@ FilmSample<Float> sample_film(const Scene &scene, const CameraSample<Float> &u, 
     return result;
 }
 
-// A camera ray and what it meets first: found when somebody asks, and once for all that is recorded of a
-// sample.
+// A camera ray, which has to stay, and what it meets first: found when somebody asks, and once for all that
+// is recorded of a sample.
 class PrimaryRay {
 public:
     PrimaryRay(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera)
@@ -49,14 +49,14 @@ public:
     }
     // Everything about it.
     const std::optional<Hit<float>> &hit() {
-        if (!hit_ && found()) hit_ = scene_.hit(camera_.ray, *found_, camera_.cone);
+        if (!hit_ && found()) hit_.emplace(scene_.hit(camera_.ray, *found_, camera_.cone));
         return hit_;
     }
 
 private:
     const Scene &scene_;
     Tracer &tracer_;
-    CameraRay<float> camera_;
+    const CameraRay<float> &camera_;
     bool traced_ = false;
     std::optional<RayHit> found_;
     std::optional<Hit<float>> hit_;

@@ -1,6 +1,7 @@
 #pragma once
 // Light that was scattered at most once, with any number of samples of lights and of the BSDF per camera ray.
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "transport/path.h"
@@ -40,21 +41,28 @@ private:
     float directions_per_light() const {
         return static_cast<float>(bsdf_samples) / static_cast<float>(emitter_samples);
     }
-    // Follows a path to the surface that stops it, which `hit` becomes; false where none does.
-    bool reach_surface(const Scene &scene, Tracer &tracer, std::optional<RayHit> found,
-                       Path::Walk<Vacuum> &walk, Hit<float> &hit) const;
+    // Follows a path up to the surface that stops it: scatter_at(hit).
+    template <class F>
+    void follow(const Scene &scene, Tracer &tracer, std::optional<RayHit> found, Path::Walk<Vacuum> &walk,
+                F &&scatter_at) const;
+    Spectrum scattered_at(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                          const PathState<float> &path, const Hit<float> &hit) const;
     Spectrum sample_bsdf(const Scene &scene, Tracer &tracer, const Hit<float> &hit, const AnySurface &surface,
                          const BounceSample<float> &u) const;
 
     Path path_; // its estimators are used
 };
 
-inline bool Direct::reach_surface(const Scene &scene, Tracer &tracer, std::optional<RayHit> found,
-                                  Path::Walk<Vacuum> &walk, Hit<float> &hit) const {
-    for (;; found = tracer.closest(walk.path.ray)) {
-        const Path::Course course = path_.meet(scene, found, walk, hit);
-        if (course != Path::Course::passed) return course == Path::Course::stopped;
+template <class F>
+void Direct::follow(const Scene &scene, Tracer &tracer, std::optional<RayHit> found, Path::Walk<Vacuum> &walk,
+                    F &&scatter_at) const {
+    for (; found; found = tracer.closest(walk.path.ray)) {
+        const Hit<float> hit = scene.hit(walk.path.ray, *found, walk.path.cone, scene.needs());
+        const Path::Course course = path_.meet(scene, hit, walk);
+        if (course == Path::Course::stopped) return scatter_at(hit);
+        if (course == Path::Course::ended) return;
     }
+    path_.leave_scene(scene, walk);
 }
 
 inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hit<float> &hit,
@@ -65,31 +73,35 @@ inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hi
     Path::scatter(scene, hit, sample, surface.delta, walk.path);
     walk.path.pdf *= directions_per_light();
     walk.path.u_event = u.event;
-    Hit<float> end;
-    reach_surface(scene, tracer, tracer.closest(walk.path.ray), walk, end);
+    follow(scene, tracer, tracer.closest(walk.path.ray), walk, [](const Hit<float> &) {});
     return walk.radiance;
+}
+
+inline Spectrum Direct::scattered_at(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                                     const PathState<float> &path, const Hit<float> &hit) const {
+    const Vec3f wo = -path.ray.direction;
+    const AnySurface chosen = scene.surface(hit, wo, path.u_event);
+    const auto number = [&](int i) { return sampler.bounce(static_cast<std::uint32_t>(i)); };
+    Spectrum lights{0}, directions{0};
+    scene.for_each_surface(hit, wo, chosen, [&](const AnySurface &surface, float share) {
+        if (surface.black || surface.delta) return;
+        for (int i = 1; i <= emitter_samples; ++i)
+            lights += share * path_.direct_light(scene, tracer, SurfaceVertex{hit, surface}, number(i),
+                                                 Vacuum(), directions_per_light());
+    });
+    for (int i = 1; i <= bsdf_samples && !chosen.black; ++i)
+        directions += sample_bsdf(scene, tracer, hit, chosen, number(i));
+    return lights / static_cast<float>(std::max(emitter_samples, 1)) +
+           directions / static_cast<float>(std::max(bsdf_samples, 1));
 }
 
 inline Spectrum Direct::radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                                  PrimaryRay &primary) const {
     Path::Walk<Vacuum> walk{Path::start(primary.camera()), Vacuum()};
-    Hit<float> hit;
-    if (!reach_surface(scene, tracer, primary.found(), walk, hit)) return walk.radiance;
-    const Vec3f wo = -walk.path.ray.direction;
-    const AnySurface chosen = scene.surface(hit, wo, walk.path.u_event);
-    const auto number = [&](int i) { return sampler.bounce(static_cast<std::uint32_t>(i)); };
-    const auto share_of = [](int samples) { return 1 / static_cast<float>(samples); };
-    Spectrum scattered{0};
-    scene.for_each_surface(hit, wo, chosen, [&](const AnySurface &surface, float share) {
-        if (surface.black || surface.delta) return;
-        for (int i = 1; i <= emitter_samples; ++i)
-            scattered += share * share_of(emitter_samples) *
-                         path_.direct_light(scene, tracer, SurfaceVertex{hit, surface}, number(i), Vacuum(),
-                                            directions_per_light());
+    follow(scene, tracer, primary.found(), walk, [&](const Hit<float> &hit) {
+        walk.radiance += walk.path.throughput * scattered_at(scene, tracer, sampler, walk.path, hit);
     });
-    for (int i = 1; i <= bsdf_samples && !chosen.black; ++i)
-        scattered += share_of(bsdf_samples) * sample_bsdf(scene, tracer, hit, chosen, number(i));
-    return walk.radiance + walk.path.throughput * scattered;
+    return walk.radiance;
 }
 
 } // namespace lajolla

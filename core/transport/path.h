@@ -184,12 +184,13 @@ struct Path {
     bool step(const Scene &scene, Tracer &tracer, const Sampler &sampler, const std::optional<RayHit> &found,
               Walk<Medium> &walk) const;
 
-    // What becomes of a path where its ray meets a surface, or leaves the scene.
+    // What becomes of a path at a surface that its ray meets, whose light it gathers.
     enum class Course { passed, stopped, ended };
-    // Gathers the light that is met there. `hit` becomes the surface.
     template <class Medium>
-    Course meet(const Scene &scene, const std::optional<RayHit> &found, Walk<Medium> &walk,
-                Hit<float> &hit) const;
+    Course meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const;
+    // Gathers the light around the scene, where the ray meets nothing.
+    template <class Medium>
+    void leave_scene(const Scene &scene, Walk<Medium> &walk) const;
 
     // Light that arrives at a vertex straight from a sampled point on a light, and is scattered along the
     // path. For each such sample there are `directions` of the BSDF.
@@ -322,20 +323,18 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
 }
 
 template <class Medium>
-Path::Course Path::meet(const Scene &scene, const std::optional<RayHit> &found, Walk<Medium> &walk,
-                        Hit<float> &hit) const {
+Path::Course Path::meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const {
     PathState<float> &path = walk.path;
-    const bool hides = hide_emitters && path.depth == 1;
-    if (!found) {
-        if (scene.lights().has_environment() && !hides)
-            walk.radiance += path.throughput * environment(scene, path);
-        return Course::ended;
-    }
-    hit = scene.hit(path.ray, *found, path.cone, scene.needs());
-    const bool shines = hit.emitter >= 0;
-    if (shines && !hides) walk.radiance += path.throughput * emitted(scene, path, hit);
-    if (!passes_through(scene, hit, shines && hides, path, walk.medium)) return Course::stopped;
+    const bool hidden = hide_emitters && path.depth == 1 && hit.emitter >= 0;
+    if (hit.emitter >= 0 && !hidden) walk.radiance += path.throughput * emitted(scene, path, hit);
+    if (!passes_through(scene, hit, hidden, path, walk.medium)) return Course::stopped;
     return path.null_transmissions > max_null_transmissions ? Course::ended : Course::passed;
+}
+
+template <class Medium>
+void Path::leave_scene(const Scene &scene, Walk<Medium> &walk) const {
+    if (scene.lights().has_environment() && (walk.path.depth > 1 || !hide_emitters))
+        walk.radiance += walk.path.throughput * environment(scene, walk.path);
 }
 
 template <class Medium>
@@ -352,8 +351,12 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                 return goes_on(sampler, u, 1, walk);
             }
         }
-    Hit<float> hit;
-    const Course course = meet(scene, found, walk, hit);
+    if (!found) {
+        leave_scene(scene, walk);
+        return false;
+    }
+    const Hit<float> hit = scene.hit(path.ray, *found, path.cone, scene.needs());
+    const Course course = meet(scene, hit, walk);
     if (course != Course::stopped) return course == Course::passed;
     if (path.depth == max_depth || !surfaces_scatter) return false;
     if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return false;

@@ -231,7 +231,8 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
                 continue;
             }
             const Sampler sampler(job.sequence, job.seed, ids[i].x, ids[i].y, ids[i].index);
-            PrimaryRay primary(scene, tracer, film_sample(scene, sampler, ids[i]).camera);
+            const CameraRay<float> camera = film_sample(scene, sampler, ids[i]).camera;
+            PrimaryRay primary(scene, tracer, camera);
             sums.add(ids[i], sampler, primary, radiance[i], weights[i]);
         }
         progress.pixels.fetch_add(pixels, std::memory_order_relaxed);
