@@ -37,7 +37,7 @@ struct Direct {
 
 private:
     // Several samples of each strategy weigh as if their densities were so many times as high (Veach 1997,
-    // section 9.2.2). Only the ratio of these counts: it goes into the density of paths.
+    // section 9.2.2). Only the ratio of these counts matters: it goes into the density of paths.
     float directions_per_light() const {
         return static_cast<float>(bsdf_samples) / static_cast<float>(emitter_samples);
     }
