@@ -200,6 +200,19 @@ def test_every_variable_has_a_channel() -> None:
             assert set(field["choices"]) == set(VARIABLES)
 
 
+def test_variables_share_one_ray() -> None:
+    """However many are recorded, a camera ray is traced once; beside paths too, and for alpha."""
+    variables = ",".join(f"{name}:{name}" for name in VARIABLES)
+    rendering = load({"type": "aov", "aovs": variables}).rendering(spp=4)
+    rendering.run()
+    assert rendering.accumulator.rays == 6 * 4 * 4
+    paths = {"type": "path", "max_depth": 1, "hide_emitters": True}
+    alone = load(paths).rendering(spp=4)
+    beside = load({"type": "aov", "aovs": variables, "p": paths}, {"pixel_format": "rgba"}).rendering(spp=4)
+    alone.run(), beside.run()
+    assert beside.accumulator.rays == alone.accumulator.rays + 6 * 4 * 4
+
+
 def test_indices() -> None:
     """Shapes count from 1 in the order of the scene, primitives from 0 in that of the mesh."""
     mesh = {"type": "mesh", "mesh": _core.Mesh(CORNERS, np.array([[0, 1, 3], [0, 3, 2]], np.uint32))}

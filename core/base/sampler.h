@@ -109,14 +109,15 @@ template <class Float>
 struct BounceSample {
     Vec2<Float> light_uv, bsdf_uv;
     Float light, lobe;
-    Float roulette, flight; // flight: what happens on the way to the next vertex
+    Float roulette;
+    Float event; // what comes next along the ray: PathState::u_event
 };
 
 // The numbers that start a path.
 template <class Float>
 struct CameraSample {
     Vec2<Float> film, lens;
-    Float flight, channel;
+    Float event, channel;
 };
 
 // Numbers for decisions that nobody can count beforehand, such as collisions in a medium: a hashed counter

@@ -48,8 +48,8 @@ Vec3<Float> with_mirror_image_above(const Vec3<Float> &n, const Vec3<Float> &ng,
     const Float x = dot(axis, wo), r = hypot(x, z);
     const Float angle = (atan2(x, z) + acos(height / r)) * 0.5f;
     const auto [sine, cosine] = sine_cosine(angle);
-    const Vec3<Float> bent = normalize(axis * sine + ng * cosine);
-    return select(is_above, n, select(squared > 0.0f, bent, ng));
+    const Vec3<Float> lifted = normalize(axis * sine + ng * cosine);
+    return select(is_above, n, select(squared > 0.0f, lifted, ng));
 }
 
 // A normal near n that neither points into the surface nor is seen from behind: enough for Lambertian lobes,

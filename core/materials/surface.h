@@ -9,8 +9,8 @@ namespace lajolla {
 
 // How a shading normal differs from the geometric one. Directions are in the shading frame.
 template <class Float>
-struct BentNormal {
-    BoolOf<Float> bent = false; // else the rest is meaningless
+struct ShadingNormal {
+    BoolOf<Float> differs = false; // else the rest is meaningless
     Float bump = 0; // tangent^2 of the angle by which maps turned the normal, where that casts shadows
     Vec3<Float> geometric{}; // normal
     Vec3<Float> smooth{};    // normal before maps turned it
@@ -20,31 +20,30 @@ struct BentNormal {
     Float visible(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
         const auto into_solid = wi.z * wo.z > 0.0f && dot(geometric, wi) * dot(geometric, wo) <= 0.0f;
         Float shadowing = 1;
-        if (any(bent && bump != 0.0f))
+        if (any(differs && bump != 0.0f))
             shadowing =
                 select(bump == 0.0f, Float(1), bump_shadowing(bump, tangent_squared(dot(smooth, wi))));
-        return select(bent, select(into_solid, Float(0), shadowing), Float(1));
+        return select(differs, select(into_solid, Float(0), shadowing), Float(1));
     }
 };
 
 // Of a model, or of any: LobeType is a model's lobe, or the variant of all.
 template <class Float, class LobeType>
 struct Surface {
-    BoolOf<Float> black = true; // nothing is scattered: the rest is meaningless
-    BoolOf<Float> sharp =
-        false;         // sampling lights is of no use: only sampling the lobe finds where it scatters
-    Float stopped = 1; // the probability that light does not pass straight through
+    BoolOf<Float> black = true;  // nothing is scattered: the rest is meaningless
+    BoolOf<Float> delta = false; // or as good as: only sampling the lobe finds where it scatters
+    Float stopped = 1;           // the probability that light does not pass straight through
     Frame<Float> frame;
     Vec3<Float> wo; // local
     LobeType lobe;
-    BentNormal<Float> normal;
+    ShadingNormal<Float> normal;
 
     // The BSDF times |cos|, and the density, of light from a direction in world space. What passes straight
     // through is left out: paths have not.
     BsdfEval<Float> eval(const Vec3<Float> &direction) const {
         const Vec3<Float> wi = frame.to_local(direction);
         BsdfEval<Float> result = eval_lobe(wi);
-        if (!any(normal.bent)) return result;
+        if (!any(normal.differs)) return result;
         const Float visible = normal.visible(wo, wi);
         result.f_cos *= visible;
         result.pdf = select(visible == 0.0f, Float(0), result.pdf);
@@ -52,7 +51,7 @@ struct Surface {
     }
     BsdfSample<Float> sample(Float u_lobe, const Vec2<Float> &u) const {
         BsdfSample<Float> result = sample_lobe(u_lobe * stopped, u);
-        if (any(normal.bent)) {
+        if (any(normal.differs)) {
             const Float visible = normal.visible(wo, result.wi);
             result.weight *= visible;
             result.valid = result.valid && visible != 0.0f;
@@ -77,7 +76,7 @@ template <class Float>
 struct ShadingFrame {
     BoolOf<Float> black; // seen from a side that has nothing to show
     Frame<Float> frame;
-    BentNormal<Float> normal;
+    ShadingNormal<Float> normal;
 };
 
 // Seen from `wo` (world space); `turned` is where the BSDF is that of the back, as if the surface were turned
@@ -88,17 +87,17 @@ ShadingFrame<Float> shading_frame(const BsdfTraits &traits, const Hit<Float> &hi
     const SeenNormals<Float> seen = seen_from(wo, hit.normal, normal);
     // Towards the viewer, until it is known whether the lobe tells the sides apart.
     Vec3<Float> n = seen.shading;
-    const auto bent = !(n == seen.geometric);
-    if (any(bent))
-        n = select(bent,
+    const auto differs = !(n == seen.geometric);
+    if (any(differs))
+        n = select(differs,
                    traits.lambertian ? seen_from_above(n, seen.geometric, wo)
                                      : with_mirror_image_above(n, seen.geometric, wo),
                    n);
     if (traits.transmissive) n = select(seen.behind, -n, n);
     ShadingFrame<Float> result{seen.behind && !turned && !BoolOf<Float>(traits.transmissive),
                                traits.anisotropic ? frame_along(n, normal.tangent) : frame_around(n),
-                               {bent}};
-    if (any(bent)) {
+                               {differs}};
+    if (any(differs)) {
         result.normal.geometric = result.frame.to_local(hit.normal);
         if (normal.shadowed) {
             result.normal.smooth = result.frame.to_local(hit.shading_normal);

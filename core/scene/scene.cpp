@@ -207,7 +207,7 @@ Scene::Choice Scene::choose(const Hit<float> &hit, const Vec3f &wo, float u) con
     const Side seen = side(hit, wo);
     Choice choice{seen.root.bsdf, seen.turned, seen.normal};
     if (seen.root.adapter >= 0)
-        materials_.choose(seen.root, sharp_reader(hit), hit, wo, u, seen.normal, true,
+        materials_.choose(seen.root, unfiltered_reader(hit), hit, wo, u, seen.normal, true,
                           [&](std::int32_t bsdf, const MappedNormal<float> &normal, bool) {
                               choice.bsdf = bsdf;
                               choice.normal = normal;
@@ -223,14 +223,17 @@ AnySurface Scene::surface(const Choice &choice, const Hit<float> &hit, const Vec
     const auto &[id, turned, normal] = choice;
     if (id < 0) return {};
     const BsdfTraits &traits = traits_of(id);
-    const auto [black, frame, bent] = shading_frame(traits, hit, wo, normal, turned);
+    const auto [black, frame, shading_normal] = shading_frame(traits, hit, wo, normal, turned);
     if (black) return {};
     const Vec3f local = frame.to_local(wo);
-    AnySurface result{false, traits.delta,
-                      1,     frame,
-                      local, prepare(parts_.bsdfs[static_cast<std::size_t>(id)], filtered_reader(hit, wo)),
-                      bent};
-    result.sharp = result.sharp || roughness(result.lobe) < sharpest();
+    AnySurface result{false,
+                      traits.delta,
+                      1,
+                      frame,
+                      local,
+                      prepare(parts_.bsdfs[static_cast<std::size_t>(id)], filtered_reader(hit, wo)),
+                      shading_normal};
+    result.delta = result.delta || roughness(result.lobe) < least_roughness();
     if (traits.null_transmission)
         result.stopped = 1 - lajolla::null_transmission(result.lobe, local).probability;
     return result;
@@ -251,7 +254,7 @@ Vec3f Scene::mapped_normal(const Hit<float> &hit, const Vec3f &wo, float u) cons
 
 NullTransmission<float> Scene::null_transmission(const Hit<float> &hit, const Vec3f &wo) const {
     const auto [root, turned, normal] = side(hit, wo);
-    return materials_.null_transmission(root, sharp_reader(hit), hit, wo, normal);
+    return materials_.null_transmission(root, unfiltered_reader(hit), hit, wo, normal);
 }
 
 const Bitmap *Scene::first_bitmap(const Hit<float> &hit) const {

@@ -96,7 +96,7 @@ public:
         if (!has_blends_) return f(chosen, 1.0f);
         const Side seen = side(hit, wo);
         if (!materials_.is_small_blend(seen.root)) return f(chosen, 1.0f);
-        materials_.for_each_leaf(seen.root, sharp_reader(hit), hit, wo, seen.normal, 1.0f,
+        materials_.for_each_leaf(seen.root, unfiltered_reader(hit), hit, wo, seen.normal, 1.0f,
                                  [&](std::int32_t bsdf, const MappedNormal<float> &normal, float share) {
                                      f(surface({bsdf, seen.turned, normal}, hit, wo), share);
                                  });
@@ -109,7 +109,7 @@ public:
     Vec3f mapped_normal(const Hit<float> &hit, const Vec3f &wo, float u) const;
 
     // The light that passes straight through a hit, seen from `wo`: 1 - opacity, all of it at a `null`
-    // surface, and what a pane of thin glass does not reflect.
+    // surface, and what thin glass does not reflect.
     NullTransmission<float> null_transmission(const Hit<float> &hit, const Vec3f &wo) const;
     // Whether any surface lets light pass, so that shadow rays must look at what they meet.
     bool has_null_transmission() const { return materials_.has_null_transmission(); }
@@ -125,13 +125,13 @@ public:
 
     std::size_t bytes() const;
 
-    // Textures at a hit: over its footprint, seen from `wo`; or as sharp as they are, alike for all rays.
+    // Textures at a hit: over its footprint, seen from `wo`; or at a point, alike for all rays.
     template <class Float>
     TextureReader<Float> filtered_reader(const Hit<Float> &hit, const Vec3<Float> &wo) const {
         return {parts_.textures, {hit.uv, &hit, parts_.shapes.data(), wo, true}};
     }
     template <class Float>
-    TextureReader<Float> sharp_reader(const Hit<Float> &hit) const {
+    TextureReader<Float> unfiltered_reader(const Hit<Float> &hit) const {
         return {parts_.textures, {hit.uv, &hit, parts_.shapes.data(), Vec3<Float>(0), false}};
     }
     const Materials &materials() const { return materials_; }
@@ -147,7 +147,7 @@ public:
     }
     // Scenes write alpha = 0.0001 for a mirror. A lobe below this roughness is narrower than any light that
     // has an area, so that samples of lights would only cost time; lights without area need them still.
-    float sharpest() const { return picker_.has_delta_lights() ? 0 : 5e-4f; }
+    float least_roughness() const { return picker_.has_delta_lights() ? 0 : 5e-4f; }
 
 private:
     // The BSDF at a hit, -1 for black; whether it is that of the back, and the normal then looks there.

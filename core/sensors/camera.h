@@ -21,9 +21,8 @@ template <class Float>
 struct CameraRay {
     Ray<Float> ray;
     RayCone<Float> cone;
-    // Uniform numbers: what happens on the way to the first vertex, and by which channel the path samples
-    // media.
-    Float flight = 0, channel = 0;
+    // Uniform numbers: what comes first along the ray, and by which channel the path samples media.
+    Float u_event = 0, u_channel = 0;
     Vec2<Float> film{}, lens{}; // what it was generated from
 };
 

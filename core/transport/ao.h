@@ -4,6 +4,7 @@
 #include "base/sampler.h"
 #include "base/warp.h"
 #include "scene/scene.h"
+#include "transport/camera_sample.h"
 
 namespace lajolla {
 
@@ -25,18 +26,16 @@ struct AmbientOcclusion {
     }
 
     // The mean visibility under the cosine-weighted density of directions around the shading normal.
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                      const CameraRay<float> &camera) const {
-        const auto found = tracer.closest(camera.ray);
-        if (!found) return Spectrum(1);
-        const Hit<float> hit = scene.hit(camera.ray, *found, camera.cone);
-        const Frame<float> frame = frame_around(hit.shading_normal);
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const {
+        const auto &hit = primary.hit();
+        if (!hit) return Spectrum(1);
+        const Frame<float> frame = frame_around(hit->shading_normal);
         const float reach = ray_length < 0 ? scene.bounding_sphere().radius / 2 : ray_length;
         int visible = 0;
         for (int i = 1; i <= shading_samples; ++i) {
             const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(i));
             const Vec3f direction = frame.to_world(sample_cosine_hemisphere(u.bsdf_uv));
-            if (!tracer.occluded({leave(hit, direction), direction, 0, reach})) ++visible;
+            if (!tracer.occluded({leave(*hit, direction), direction, 0, reach})) ++visible;
         }
         return Spectrum(static_cast<float>(visible) / static_cast<float>(shading_samples));
     }

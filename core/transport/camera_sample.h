@@ -1,5 +1,7 @@
 #pragma once
-// Where a sample lies on the film, and the camera's ray through it.
+// Where a sample lies on the film, the camera's ray through it, and what the ray meets.
+
+#include <optional>
 
 #include "base/sampler.h"
 #include "scene/scene.h"
@@ -25,11 +27,39 @@ FilmSample<Float> sample_film(const Scene &scene, const CameraSample<Float> &u, 
     const Vec2<Float> position{(x + 0.5f + place.offset.x) / static_cast<float>(film.width),
                                (y + 0.5f + place.offset.y) / static_cast<float>(film.height)};
     FilmSample<Float> result{scene.camera_ray(position, u.lens), place.weight};
-    result.camera.flight = u.flight;
-    result.camera.channel = u.channel;
+    result.camera.u_event = u.event;
+    result.camera.u_channel = u.channel;
     result.camera.film = position;
     result.camera.lens = u.lens;
     return result;
 }
+
+// A camera ray, which has to stay, and what it meets first: found when somebody asks, and once for all that
+// is recorded of a sample.
+class PrimaryRay {
+public:
+    PrimaryRay(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera)
+        : scene_(scene), tracer_(tracer), camera_(camera) {}
+
+    const CameraRay<float> &camera() const { return camera_; }
+    const std::optional<RayHit> &found() {
+        if (!traced_) found_ = tracer_.closest(camera_.ray);
+        traced_ = true;
+        return found_;
+    }
+    // Everything about it.
+    const std::optional<Hit<float>> &hit() {
+        if (!hit_ && found()) hit_.emplace(scene_.hit(camera_.ray, *found_, camera_.cone));
+        return hit_;
+    }
+
+private:
+    const Scene &scene_;
+    Tracer &tracer_;
+    const CameraRay<float> &camera_;
+    bool traced_ = false;
+    std::optional<RayHit> found_;
+    std::optional<Hit<float>> hit_;
+};
 
 } // namespace lajolla

@@ -1,8 +1,7 @@
 #pragma once
 // The alpha channel.
 
-#include "transport/media.h"
-#include "transport/visibility.h"
+#include "transport/path.h"
 
 namespace lajolla {
 
@@ -10,29 +9,18 @@ namespace lajolla {
 // the scene. What lets a ray pass straight through is not there; the random numbers are those of the path,
 // and so is `medium`, which is in its first state.
 template <class Medium>
-float coverage(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera, bool hide_emitters,
-               Medium medium) {
+float coverage(const Scene &scene, Tracer &tracer, PrimaryRay &primary, bool hide_emitters, Medium medium) {
     if (!hide_emitters && scene.lights().has_environment()) return 1;
-    Ray<float> ray = camera.ray;
-    RayCone<float> cone = camera.cone;
-    float flight = camera.flight;
-    for (int passages = 0; passages <= max_null_transmissions; ++passages) {
-        const auto found = tracer.closest(ray);
-        if constexpr (Medium::present)
-            if (medium.current >= 0) {
-                Ray<float> piece = ray;
-                piece.near = 0; // as of paths: a camera's near plane hides surfaces, not the medium before it
-                if (found) piece.far = found->distance;
-                if (medium.fly(scene, piece, flight).collision) return 1;
-            }
+    PathState<float> path = Path::start(primary.camera());
+    auto found = primary.found();
+    while (path.null_transmissions <= max_null_transmissions) {
+        if (medium.fly(scene, path.ray, found, path.u_event).collision) return 1;
         if (!found) return 0;
-        const Hit<float> hit = scene.hit(ray, *found, cone);
-        if (hit.emitter >= 0 && !hide_emitters) return 1;
-        const bool hidden = hit.emitter >= 0;
-        if (!passes(null_transmission_at(scene, hit, ray.direction, hidden).probability, flight)) return 1;
-        ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
-        cone = hit.footprint;
-        medium.cross(hit, ray.direction);
+        const Hit<float> hit = scene.hit(path.ray, *found, path.cone, scene.needs());
+        const bool shines = hit.emitter >= 0;
+        if (shines && !hide_emitters) return 1;
+        if (!Path::passes_through(scene, hit, shines, path, medium)) return 1;
+        found = tracer.closest(path.ray);
     }
     return 0;
 }

@@ -5,6 +5,7 @@
 
 #include "base/sampler.h"
 #include "scene/scene.h"
+#include "transport/camera_sample.h"
 
 namespace lajolla {
 
@@ -49,10 +50,9 @@ struct FirstHit {
             field("first_shape", &FirstHit::first_shape, "from which shape_index counts").range(0));
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &,
-                      const CameraRay<float> &camera) const {
-        const auto found = tracer.closest(camera.ray);
-        return found ? value(scene, camera, scene.hit(camera.ray, *found, camera.cone)) : undefined;
+    Spectrum radiance(const Scene &scene, Tracer &, const Sampler &, PrimaryRay &primary) const {
+        const auto &hit = primary.hit();
+        return hit ? value(scene, primary.camera(), *hit) : undefined;
     }
 
 private:
@@ -86,12 +86,13 @@ inline Spectrum FirstHit::value(const Scene &scene, const CameraRay<float> &came
         return pair(detail::uv_difference(hit, scene.camera_ray(neighbour, camera.lens).ray));
     };
     switch (quantity) {
-    case Quantity::albedo: return scene.albedo(hit, -camera.ray.direction, camera.flight);
+    case Quantity::albedo: return scene.albedo(hit, -camera.ray.direction, camera.u_event);
     case Quantity::depth: return Spectrum(hit.distance);
     case Quantity::position: return Spectrum(hit.position);
     case Quantity::uv: return pair(hit.uv);
     case Quantity::geo_normal: return Spectrum(hit.normal);
-    case Quantity::sh_normal: return Spectrum(scene.mapped_normal(hit, -camera.ray.direction, camera.flight));
+    case Quantity::sh_normal:
+        return Spectrum(scene.mapped_normal(hit, -camera.ray.direction, camera.u_event));
     case Quantity::dp_du: return Spectrum(hit.dp_du);
     case Quantity::dp_dv: return Spectrum(hit.dp_dv);
     case Quantity::duv_dx: return difference({1, 0});

@@ -14,18 +14,26 @@ namespace lajolla {
 // corner is a million times as dense as the rest of its cell of the majorant grid.
 inline constexpr int max_collisions = 1 << 16;
 
+// What happens to a path on one straight piece of its way through a medium.
+struct Flight {
+    std::optional<Vec3f> collision; // where it is scattered; none where it comes to the end of the piece
+    Spectrum weight{1};             // of all that comes from there
+    Spectrum emitted{0};            // by the medium on the way, weighted
+    float pdf = 1;                  // of coming to the end: of all that did not happen
+};
+
 // Between surfaces there is nothing: the loop is compiled for this where a scene has no media.
 struct Vacuum {
     static constexpr bool present = false;
 
     // What remains of light along a shadow ray.
-    struct Light {
-        Spectrum fraction{1};
-        float reach = 1; // the probability of a path coming this far
-        const Spectrum &value() const { return fraction; }
+    struct Transmittance {
+        Spectrum weight{1};
+        float path_pdf = 1; // the probability of a path coming this far
+        const Spectrum &value() const { return weight; }
         void pass(const NullTransmission<float> &through) {
-            fraction *= through.transmittance;
-            reach *= through.probability;
+            weight *= through.transmittance;
+            path_pdf *= through.probability;
         }
     };
 
@@ -34,16 +42,9 @@ struct Vacuum {
     void next_flight(const Sampler &, std::uint32_t) {}
     const Vacuum &for_shadow_ray(const Sampler &, std::uint32_t) const { return *this; }
     void cross(const Hit<float> &, const Vec3f &) {}
-    void attenuate(const Scene &, const Ray<float> &, Light &) {}
-    float reach(const Light &light) const { return light.reach; }
-};
-
-// What happens to a path on one straight piece of its way through a medium.
-struct Flight {
-    std::optional<Vec3f> collision; // where it is scattered; none where it comes to the end of the piece
-    Spectrum weight{1};             // of all that comes from there
-    Spectrum emitted{0};            // by the medium on the way, weighted
-    float pdf = 1;                  // of coming to the end: of all that did not happen
+    Flight fly(const Scene &, const Ray<float> &, const std::optional<RayHit> &, float &) { return {}; }
+    void attenuate(const Scene &, const Ray<float> &, Transmittance &) {}
+    float path_pdf(const Transmittance &light) const { return light.path_pdf; }
 };
 
 // What a path's state gains in media. Distances are sampled by the extinction of one channel. Each of the
@@ -54,21 +55,21 @@ public:
     static constexpr bool present = true;
 
     // What remains of light along a shadow ray.
-    struct Light {
-        Spectrum fraction{1};
-        Spectrum reach{1};  // the density of a path coming this far, sampled by each channel: see Flight::pdf
-        float survival = 1; // the probability that the ray was followed to its end
+    struct Transmittance {
+        Spectrum weight{1};
+        Spectrum path_pdf{1}; // of a path coming this far, sampled by each channel: see Flight::pdf
+        float survival = 1;   // the probability that the ray was followed to its end
 
-        Spectrum value() const { return fraction / survival; }
+        Spectrum value() const { return weight / survival; }
         void pass(const NullTransmission<float> &through) {
-            fraction *= through.transmittance;
-            reach *= through.probability;
+            weight *= through.transmittance;
+            path_pdf *= through.probability;
         }
     };
 
     InMedia(const Scene &scene, const CameraRay<float> &camera, const Sampler &sampler, bool scatters)
         : current(scene.camera_medium()), scatters_(scatters),
-          channel_(std::min(static_cast<std::size_t>(camera.channel * 3), std::size_t(2))),
+          channel_(std::min(static_cast<std::size_t>(camera.u_channel * 3), std::size_t(2))),
           numbers_(sampler.stream(0)) {}
 
     std::int32_t current; // the medium that the ray is in, -1 for none
@@ -87,20 +88,21 @@ public:
             current = dot(hit.normal, direction) > 0 ? hit.exterior : hit.interior;
     }
 
-    // From the near to the far end of the ray, or to a collision before. `u` is a uniform number; what it is
-    // afterwards has not been used.
-    Flight fly(const Scene &scene, const Ray<float> &ray, float &u);
+    // To what a path's ray found, or to a collision before. `u` is a uniform number; what it is afterwards
+    // has not been used.
+    Flight fly(const Scene &scene, Ray<float> ray, const std::optional<RayHit> &found, float &u);
 
     // Attenuates light along the whole ray.
-    void attenuate(const Scene &scene, const Ray<float> &ray, Light &light);
+    void attenuate(const Scene &scene, const Ray<float> &ray, Transmittance &light);
     // The density of a path coming as far as the light, sampled by any channel.
-    float reach(const Light &light) const { return mean(density_ * light.reach); }
+    float path_pdf(const Transmittance &light) const { return mean(density_ * light.path_pdf); }
 
 private:
     Flight fly(const Homogeneous &model, const Media &media, const Ray<float> &ray, float &u);
     Flight fly(const Heterogeneous &model, const Media &media, const Ray<float> &ray, float &u);
-    void attenuate(const Homogeneous &model, const Media &media, const Ray<float> &ray, Light &light);
-    void attenuate(const Heterogeneous &model, const Media &media, const Ray<float> &ray, Light &light);
+    void attenuate(const Homogeneous &model, const Media &media, const Ray<float> &ray, Transmittance &light);
+    void attenuate(const Heterogeneous &model, const Media &media, const Ray<float> &ray,
+                   Transmittance &light);
 
     Coefficients coefficients(const Media &media, const Vec3f &position, const Vec3f &direction) const {
         Coefficients result = media.coefficients(current, position, direction);
@@ -206,17 +208,18 @@ inline Flight InMedia::fly(const Heterogeneous &model, const Media &media, const
 }
 
 // Closed form.
-inline void InMedia::attenuate(const Homogeneous &, const Media &media, const Ray<float> &ray, Light &light) {
+inline void InMedia::attenuate(const Homogeneous &, const Media &media, const Ray<float> &ray,
+                               Transmittance &light) {
     const Coefficients at = coefficients(media, ray.origin, ray.direction);
     const Spectrum transmitted = detail::exp_minus(at.sigma_t(), ray.far - ray.near);
-    light.fraction *= transmitted;
-    if (!is_black(at.sigma_s)) light.reach *= transmitted;
+    light.weight *= transmitted;
+    if (!is_black(at.sigma_s)) light.path_pdf *= transmitted;
 }
 
 // Ratio tracking (Novák et al. 2014, "Residual ratio tracking for estimating attenuation in participating
 // media"), which roulette ends where little is left.
 inline void InMedia::attenuate(const Heterogeneous &model, const Media &media, const Ray<float> &ray,
-                               Light &light) {
+                               Transmittance &light) {
     float thickness = detail::sample_thickness(numbers_.next());
     int collisions = 0;
     model.majorants.traverse(ray, [&](float t, float end, float majorant) {
@@ -225,26 +228,29 @@ inline void InMedia::attenuate(const Heterogeneous &model, const Media &media, c
             thickness = detail::sample_thickness(numbers_.next());
             const Coefficients at = coefficients(media, ray.origin + ray.direction * t, ray.direction);
             const Spectrum null = max(Spectrum(1) - at.sigma_t() / majorant, Spectrum(0));
-            light.fraction *= null;
-            light.reach *= null;
-            if (max_component(light.fraction) < 0.1f * light.survival) {
+            light.weight *= null;
+            light.path_pdf *= null;
+            if (max_component(light.weight) < 0.1f * light.survival) {
                 light.survival *= 0.5f;
-                if (numbers_.next() >= 0.5f) light.fraction = Spectrum(0);
+                if (numbers_.next() >= 0.5f) light.weight = Spectrum(0);
             }
-            if (++collisions > max_collisions) light.fraction = Spectrum(0);
-            if (is_black(light.fraction)) return false;
+            if (++collisions > max_collisions) light.weight = Spectrum(0);
+            if (is_black(light.weight)) return false;
         }
         thickness -= (end - t) * majorant;
         return true;
     });
 }
 
-inline Flight InMedia::fly(const Scene &scene, const Ray<float> &ray, float &u) {
+inline Flight InMedia::fly(const Scene &scene, Ray<float> ray, const std::optional<RayHit> &found, float &u) {
+    if (current < 0) return {};
+    ray.near = 0; // a camera's near plane hides surfaces, not the medium before it
+    if (found) ray.far = found->distance;
     return match(scene.media()[current],
                  [&](const auto &model) { return fly(model, scene.media(), ray, u); });
 }
 
-inline void InMedia::attenuate(const Scene &scene, const Ray<float> &ray, Light &light) {
+inline void InMedia::attenuate(const Scene &scene, const Ray<float> &ray, Transmittance &light) {
     if (current < 0) return;
     match(scene.media()[current], [&](const auto &model) { attenuate(model, scene.media(), ray, light); });
 }

@@ -18,6 +18,7 @@
 #include "base/fields.h"
 #include "base/sampler.h"
 #include "scene/scene.h"
+#include "transport/camera_sample.h"
 #include "transport/media.h"
 #include "transport/vertex.h"
 #include "transport/visibility.h"
@@ -43,8 +44,11 @@ struct PathState {
     Float pdf = 1;              // of the ray's direction, and of coming as far as it has
     BoolOf<Float> delta = true; // light sampling had no chance to find this direction
     Rgb<Float> throughput{1};
-    Float eta = 1;                       // of the substance the ray is in, relative to the camera's
-    Float flight = 0;                    // decides what happens between two vertices
+    Float eta = 1; // of the substance the ray is in, relative to the camera's
+    // A uniform number that decides what comes next along the ray: a collision in a medium, else going
+    // straight on through a surface, else which leaf of a blend scatters. Each decision leaves a number for
+    // the next.
+    Float u_event = 0;
     IntOf<Float> depth = 1;              // segments so far
     IntOf<Float> block = 1;              // of the sampler's numbers
     IntOf<Float> null_transmissions = 0; // surfaces that the path went straight through
@@ -68,9 +72,8 @@ struct Path {
             field("strategy", &Path::strategy, "sample lights, BSDFs, or both weighted by their densities"));
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                      const CameraRay<float> &camera) const {
-        return trace<Vacuum>(scene, tracer, sampler, camera);
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const {
+        return trace<Vacuum>(scene, tracer, sampler, primary);
     }
     // Whether radiance() takes surfaces alone into account.
     bool is_vacuum(const Scene &) const { return true; }
@@ -78,7 +81,7 @@ struct Path {
     template <class Float>
     static PathState<Float> start(const CameraRay<Float> &camera) {
         PathState<Float> path{camera.ray, camera.cone, camera.ray.origin};
-        path.flight = camera.flight;
+        path.u_event = camera.u_event;
         return path;
     }
 
@@ -106,10 +109,10 @@ struct Path {
     }
     // What light from a sampled point adds to the radiance that a vertex scatters, if nothing is in between:
     // f Le |cos| over the density, weighted against hitting the light by a path, which comes as far as it
-    // with probability `reach`.
+    // with probability `path_pdf`.
     template <class Float>
-    Rgb<Float> direct(const DirectSample<Float> &light, const BsdfEval<Float> &bsdf, Float reach) const {
-        const Float weight = weight_of_light(light, bsdf.pdf * reach);
+    Rgb<Float> direct(const DirectSample<Float> &light, const BsdfEval<Float> &bsdf, Float path_pdf) const {
+        const Float weight = weight_of_light(light, bsdf.pdf * path_pdf);
         return bsdf.f_cos * light.radiance * (weight / (light.pdf * sqr(bsdf.eta)));
     }
 
@@ -117,12 +120,12 @@ struct Path {
     // along a ray that refracts (Veach 1997, section 5.2).
     template <class Float>
     static void scatter(const Scene &scene, const Hit<Float> &hit, const BsdfSample<Float> &sample,
-                        BoolOf<Float> sharp, PathState<Float> &path) {
+                        BoolOf<Float> delta, PathState<Float> &path) {
         path.throughput = path.throughput * sample.weight * (1 / sqr(sample.eta));
         path.eta *= sample.eta;
         path.from = hit.position;
         path.pdf = sample.pdf;
-        path.delta = sharp || sample.delta;
+        path.delta = delta || sample.delta;
         path.ray = {leave(hit, sample.wi), sample.wi};
         if (scene.reads_footprints())
             path.cone = hit.footprint.scattered(hit.mean_curvature, sample.width, sample.eta);
@@ -132,7 +135,7 @@ struct Path {
     // `highest` chance of survival. False where the path ends.
     template <class Float>
     BoolOf<Float> survives(const BounceSample<Float> &u, float highest, PathState<Float> &path) const {
-        path.flight = u.flight;
+        path.u_event = u.event;
         path.block += 1;
         const auto plays = path.depth > std::min(rr_depth, longest_without_roulette);
         if (!any(plays)) return true;
@@ -155,6 +158,20 @@ struct Path {
         path.null_transmissions += 1;
     }
 
+    // Decides whether a path goes straight on through a surface that its ray hit, as through all that are
+    // `hidden`; then does so.
+    template <class Medium>
+    static bool passes_through(const Scene &scene, const Hit<float> &hit, bool hidden, PathState<float> &path,
+                               Medium &medium) {
+        NullTransmission<float> through;
+        if (hidden) through = {Spectrum(1), 1};
+        else if (scene.has_null_transmission()) through = scene.null_transmission(hit, -path.ray.direction);
+        if (!passes(through.probability, path.u_event)) return false;
+        pass_through(hit, through, path);
+        medium.cross(hit, path.ray.direction);
+        return true;
+    }
+
     // A path as it is followed depth first; Medium is InMedia, or Vacuum.
     template <class Medium>
     struct Walk {
@@ -162,11 +179,24 @@ struct Path {
         Medium medium;
         Spectrum radiance{0};
     };
-    // What becomes of a path at the surface that its ray hit.
-    enum class Course { passed, scattered, ended };
+    // Follows a path along its ray, to what was found there, and lets it go on; false where it ends.
     template <class Medium>
-    Course visit(const Scene &scene, Tracer &tracer, const Sampler &sampler, const BounceSample<float> &u,
-                 const RayHit &found, Walk<Medium> &walk) const;
+    bool step(const Scene &scene, Tracer &tracer, const Sampler &sampler, const std::optional<RayHit> &found,
+              Walk<Medium> &walk) const;
+
+    // What becomes of a path at a surface that its ray meets, whose light it gathers.
+    enum class Course { passed, stopped, ended };
+    template <class Medium>
+    Course meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const;
+    // Gathers the light around the scene, where the ray meets nothing.
+    template <class Medium>
+    void leave_scene(const Scene &scene, Walk<Medium> &walk) const;
+
+    // Light that arrives at a vertex straight from a sampled point on a light, and is scattered along the
+    // path. For each such sample there are `directions` of the BSDF.
+    template <class Vertex, class Medium>
+    Spectrum direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex,
+                          const BounceSample<float> &u, const Medium &medium, float directions = 1) const;
 
 protected:
     // What the first steps of `volpath` leave out.
@@ -174,8 +204,7 @@ protected:
 
     // The radiance along a camera ray.
     template <class Medium>
-    Spectrum trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                   const CameraRay<float> &camera) const;
+    Spectrum trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const;
 
 private:
     // The weight of radiance found by hitting a light that light sampling picks with density `light_pdf`.
@@ -185,17 +214,11 @@ private:
     template <class Float>
     Float weight_of_light(const DirectSample<Float> &light, Float path_pdf) const;
 
-    // Light that arrives at a vertex straight from a sampled point on a light, and is scattered along the
-    // path.
-    template <class Vertex, class Medium>
-    Spectrum direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex,
-                          const BounceSample<float> &u, const Medium &medium) const;
-
-    // Follows the ray through the medium that it is in, up to what was found, and scatters the path where it
-    // collides before.
-    Course cross_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                        const BounceSample<float> &u, const std::optional<RayHit> &found,
-                        Walk<InMedia> &walk) const;
+    // Follows the ray through the medium that it is in, up to what was found; where the path collides before.
+    std::optional<Vec3f> cross_medium(const Scene &scene, const std::optional<RayHit> &found,
+                                      Walk<InMedia> &walk) const;
+    void scatter_in_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                           const BounceSample<float> &u, const Vec3f &collision, Walk<InMedia> &walk) const;
     // Scatters the path at a surface; false where it ends.
     template <class Medium>
     bool scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler,
@@ -229,15 +252,15 @@ Float Path::weight_of_light(const DirectSample<Float> &light, Float path_pdf) co
 
 template <class Vertex, class Medium>
 Spectrum Path::direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex,
-                            const BounceSample<float> &u, const Medium &medium) const {
+                            const BounceSample<float> &u, const Medium &medium, float directions) const {
     if (scene.lights().empty()) return Spectrum(0);
     const DirectSample<float> light = scene.lights().sample_direct(vertex.position(), u.light, u.light_uv);
     if (!counts(light)) return Spectrum(0);
     const BsdfEval<float> f = vertex.eval(light.wi);
     if (is_black(f.f_cos)) return Spectrum(0);
-    const auto arrived = arrival(scene, tracer, vertex, light, medium);
-    if (!arrived) return Spectrum(0);
-    return direct(light, f, medium.reach(*arrived)) * arrived->value();
+    const auto arriving = transmittance(scene, tracer, vertex, light, medium);
+    if (!arriving) return Spectrum(0);
+    return direct(light, f, directions * medium.path_pdf(*arriving)) * arriving->value();
 }
 
 template <class Medium>
@@ -248,34 +271,33 @@ bool Path::goes_on(const Sampler &sampler, const BounceSample<float> &u, float h
     return result;
 }
 
-inline Path::Course Path::cross_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                                       const BounceSample<float> &u, const std::optional<RayHit> &found,
-                                       Walk<InMedia> &walk) const {
+inline std::optional<Vec3f> Path::cross_medium(const Scene &scene, const std::optional<RayHit> &found,
+                                               Walk<InMedia> &walk) const {
     PathState<float> &path = walk.path;
-    Ray<float> piece = path.ray;
-    piece.near = 0; // a camera's near plane hides surfaces, not the medium before it
-    if (found) piece.far = found->distance;
-    const Flight flight = walk.medium.fly(scene, piece, path.flight);
+    const Flight flight = walk.medium.fly(scene, path.ray, found, path.u_event);
     walk.radiance += path.throughput * flight.emitted;
     path.throughput *= flight.weight;
     path.pdf *= flight.pdf;
-    if (is_black(path.throughput) || (flight.collision && path.depth == max_depth)) return Course::ended;
-    if (!flight.collision) return Course::passed;
+    return flight.collision;
+}
 
-    const MediumVertex vertex{*flight.collision, -piece.direction,
-                              scene.media().phase(walk.medium.current, *flight.collision)};
+inline void Path::scatter_in_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                                    const BounceSample<float> &u, const Vec3f &collision,
+                                    Walk<InMedia> &walk) const {
+    PathState<float> &path = walk.path;
+    const MediumVertex vertex{collision, -path.ray.direction,
+                              scene.media().phase(walk.medium.current, collision)};
     walk.radiance +=
         path.throughput *
         direct_light(scene, tracer, vertex, u,
                      walk.medium.for_shadow_ray(sampler, static_cast<std::uint32_t>(path.block)));
     const PhaseSample scattered = vertex.phase.sample(vertex.wo, u.lobe, u.bsdf_uv);
+    path.cone = path.cone.at(length(vertex.point - path.ray.origin)).scattered(0, 1, 1);
     path.from = vertex.point;
     path.pdf = scattered.pdf;
     path.delta = false;
     path.ray = {vertex.point, scattered.wi};
-    path.cone = path.cone.at(length(vertex.point - piece.origin)).scattered(0, 1, 1);
     ++path.depth;
-    return Course::scattered;
 }
 
 template <class Medium>
@@ -283,9 +305,9 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
                               const BounceSample<float> &u, const Hit<float> &hit, Walk<Medium> &walk) const {
     PathState<float> &path = walk.path;
     const Vec3f wo = -path.ray.direction;
-    const AnySurface surface = scene.surface(hit, wo, path.flight);
+    const AnySurface surface = scene.surface(hit, wo, path.u_event);
     scene.for_each_surface(hit, wo, surface, [&](const AnySurface &each, float share) {
-        if (!each.black && !each.sharp)
+        if (!each.black && !each.delta)
             walk.radiance +=
                 path.throughput * share *
                 direct_light(scene, tracer, SurfaceVertex{hit, each}, u,
@@ -295,55 +317,63 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
 
     const BsdfSample<float> sample = surface.sample(u.lobe, u.bsdf_uv);
     if (!sample.valid) return false;
-    scatter(scene, hit, sample, surface.sharp, path);
+    scatter(scene, hit, sample, surface.delta, path);
     walk.medium.cross(hit, path.ray.direction);
     return true;
 }
 
 template <class Medium>
-Path::Course Path::visit(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                         const BounceSample<float> &u, const RayHit &found, Walk<Medium> &walk) const {
+Path::Course Path::meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const {
     PathState<float> &path = walk.path;
-    const Hit<float> hit = scene.hit(path.ray, found, path.cone, scene.needs());
     const bool hidden = hide_emitters && path.depth == 1 && hit.emitter >= 0;
     if (hit.emitter >= 0 && !hidden) walk.radiance += path.throughput * emitted(scene, path, hit);
-
-    const NullTransmission<float> through = null_transmission_at(scene, hit, path.ray.direction, hidden);
-    if (passes(through.probability, path.flight)) {
-        pass_through(hit, through, path);
-        walk.medium.cross(hit, path.ray.direction);
-        return path.null_transmissions > max_null_transmissions ? Course::ended : Course::passed;
-    }
-    if (path.depth == max_depth || !surfaces_scatter) return Course::ended;
-    if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return Course::ended;
-    if (!is_finite(path.throughput)) [[unlikely]] {
-        walk.radiance = path.throughput; // whoever takes the sample counts it
-        return Course::ended;
-    }
-    return goes_on(sampler, u, highest_survival, walk) ? Course::scattered : Course::ended;
+    if (!passes_through(scene, hit, hidden, path, walk.medium)) return Course::stopped;
+    return path.null_transmissions > max_null_transmissions ? Course::ended : Course::passed;
 }
 
 template <class Medium>
-Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                     const CameraRay<float> &camera) const {
-    Walk<Medium> walk{start(camera), Medium(scene, camera, sampler, media_scatter)};
-    while (walk.path.depth <= max_depth || max_depth < 0) {
-        // Drawn before the ray is traced: the processor computes both at once.
-        const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(walk.path.block));
-        const auto found = tracer.closest(walk.path.ray);
-        if constexpr (Medium::present)
-            if (walk.medium.current >= 0) {
-                const Course course = cross_medium(scene, tracer, sampler, u, found, walk);
-                if (course == Course::scattered && goes_on(sampler, u, 1, walk)) continue;
-                if (course != Course::passed) break;
+void Path::leave_scene(const Scene &scene, Walk<Medium> &walk) const {
+    if (scene.lights().has_environment() && (walk.path.depth > 1 || !hide_emitters))
+        walk.radiance += walk.path.throughput * environment(scene, walk.path);
+}
+
+template <class Medium>
+bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
+                const std::optional<RayHit> &found, Walk<Medium> &walk) const {
+    PathState<float> &path = walk.path;
+    const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(path.block));
+    if constexpr (Medium::present)
+        if (walk.medium.current >= 0) {
+            const auto collision = cross_medium(scene, found, walk);
+            if (is_black(path.throughput) || (collision && path.depth == max_depth)) return false;
+            if (collision) {
+                scatter_in_medium(scene, tracer, sampler, u, *collision, walk);
+                return goes_on(sampler, u, 1, walk);
             }
-        if (!found) {
-            if (scene.lights().has_environment() && (walk.path.depth > 1 || !hide_emitters))
-                walk.radiance += walk.path.throughput * environment(scene, walk.path);
-            break;
         }
-        if (visit(scene, tracer, sampler, u, *found, walk) == Course::ended) break;
+    if (!found) {
+        leave_scene(scene, walk);
+        return false;
     }
+    const Hit<float> hit = scene.hit(path.ray, *found, path.cone, scene.needs());
+    const Course course = meet(scene, hit, walk);
+    if (course != Course::stopped) return course == Course::passed;
+    if (path.depth == max_depth || !surfaces_scatter) return false;
+    if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return false;
+    if (!is_finite(path.throughput)) [[unlikely]] {
+        walk.radiance = path.throughput; // whoever takes the sample counts it
+        return false;
+    }
+    return goes_on(sampler, u, highest_survival, walk);
+}
+
+template <class Medium>
+Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const {
+    if (max_depth == 0) return Spectrum(0);
+    const CameraRay<float> &camera = primary.camera();
+    Walk<Medium> walk{start(camera), Medium(scene, camera, sampler, media_scatter)};
+    auto found = primary.found();
+    while (step(scene, tracer, sampler, found, walk)) found = tracer.closest(walk.path.ray);
     return walk.radiance;
 }
 

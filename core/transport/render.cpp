@@ -74,16 +74,16 @@ Spectrum to_xyz(Spectrum c) {
 }
 
 // The alpha of what an integrator shows: those that show surfaces instead of light look through nothing.
-float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sampler,
-            const CameraRay<float> &camera, Tracer &tracer) {
+float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sampler, PrimaryRay &primary,
+            Tracer &tracer) {
     return match(integrator, [&](const auto &model) {
         if constexpr (requires { model.version; })
             if (!scene.media().empty())
-                return coverage(scene, tracer, camera, model.hide_emitters,
-                                InMedia(scene, camera, sampler, model.version > 1));
+                return coverage(scene, tracer, primary, model.hide_emitters,
+                                InMedia(scene, primary.camera(), sampler, model.version > 1));
         if constexpr (requires { model.hide_emitters; })
-            return coverage(scene, tracer, camera, model.hide_emitters, Vacuum());
-        else return tracer.closest(camera.ray) ? 1.0f : 0.0f;
+            return coverage(scene, tracer, primary, model.hide_emitters, Vacuum());
+        else return primary.found() ? 1.0f : 0.0f;
     });
 }
 
@@ -94,17 +94,17 @@ public:
         : output_(output), colours_(1 + output.others.size()), values_(output.channels.size()) {}
 
     // `picture` is what the picture's integrator found along the camera ray.
-    std::span<const float> record(const Scene &scene, const Sampler &sampler, const CameraRay<float> &camera,
+    std::span<const float> record(const Scene &scene, const Sampler &sampler, PrimaryRay &primary,
                                   Spectrum picture, Tracer &tracer) {
         colours_[0] = picture;
         for (std::size_t i = 0; i < output_.others.size(); ++i)
             colours_[i + 1] = match(output_.others[i], [&](const auto &model) {
-                return model.radiance(scene, tracer, sampler, camera);
+                return model.radiance(scene, tracer, sampler, primary);
             });
         for (std::size_t i = 0; i < values_.size(); ++i) {
             const Channel &channel = output_.channels[i];
             const float value = channel.recorded == Recorded::alpha
-                                    ? alpha(scene, integrator(channel), sampler, camera, tracer)
+                                    ? alpha(scene, integrator(channel), sampler, primary, tracer)
                                     : colour_value(channel);
             values_[i] = channel.squared ? sqr(value) : value;
         }
@@ -135,10 +135,12 @@ public:
                     Report &report)
         : scene_(scene), output_(output), recorder_(output), sums_(sums), tracer_(tracer), report_(report) {}
 
-    void add(const SampleId &id, const Sampler &sampler, const CameraRay<float> &camera,
-             const Spectrum &value, float weight) {
-        std::span<const float> rest;
-        if (!output_.channels.empty()) rest = recorder_.record(scene_, sampler, camera, value, tracer_);
+    // `value` is what the picture's integrator found; the channels beside it are recorded here.
+    void add(const SampleId &id, const Sampler &sampler, PrimaryRay &primary, const Spectrum &value,
+             float weight) {
+        add(id, value, weight, recorder_.record(scene_, sampler, primary, value, tracer_));
+    }
+    void add(const SampleId &id, const Spectrum &value, float weight, std::span<const float> rest = {}) {
         if (!is_finite(value) || !std::ranges::all_of(rest, [](float v) { return std::isfinite(v); }))
             [[unlikely]] {
             ++report_.nonfinite;
@@ -201,7 +203,8 @@ void render_one_by_one(const Scene &scene, const Model &integrator, TileSamples 
         const SampleId id = samples.take();
         const Sampler sampler(job.sequence, job.seed, id.x, id.y, id.index);
         const auto [camera, weight] = film_sample(scene, sampler, id);
-        sums.add(id, sampler, camera, integrator.radiance(scene, tracer, sampler, camera), weight);
+        PrimaryRay primary(scene, tracer, camera);
+        sums.add(id, sampler, primary, integrator.radiance(scene, tracer, sampler, primary), weight);
         if (samples.pixel_is_done()) progress.pixels.fetch_add(1, std::memory_order_relaxed);
     }
 }
@@ -224,11 +227,13 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
         wavefront.render(std::span(ids).first(count), job.sequence, job.seed, tracer, radiance, weights);
         for (std::size_t i = 0; i < count; ++i) {
             if (output.channels.empty()) {
-                sums.add(ids[i], {}, {}, radiance[i], weights[i]);
+                sums.add(ids[i], radiance[i], weights[i]);
                 continue;
             }
             const Sampler sampler(job.sequence, job.seed, ids[i].x, ids[i].y, ids[i].index);
-            sums.add(ids[i], sampler, film_sample(scene, sampler, ids[i]).camera, radiance[i], weights[i]);
+            const CameraRay<float> camera = film_sample(scene, sampler, ids[i]).camera;
+            PrimaryRay primary(scene, tracer, camera);
+            sums.add(ids[i], sampler, primary, radiance[i], weights[i]);
         }
         progress.pixels.fetch_add(pixels, std::memory_order_relaxed);
     }
@@ -286,8 +291,9 @@ Spectrum sample_radiance(const Scene &scene, const Integrator &integrator, Seque
     const FlushToZero guard;
     const Sampler sampler(sequence, seed, id.x, id.y, id.index);
     const auto [camera, weight] = film_sample(scene, sampler, id);
+    PrimaryRay primary(scene, tracer, camera);
     return weight * match(integrator,
-                          [&](const auto &model) { return model.radiance(scene, tracer, sampler, camera); });
+                          [&](const auto &model) { return model.radiance(scene, tracer, sampler, primary); });
 }
 
 std::optional<Report> render(const Scene &scene, const Output &output, const Job &job, std::span<double> sums,

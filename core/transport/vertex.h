@@ -6,18 +6,14 @@
 
 namespace lajolla {
 
-struct SurfacePoint {
+struct SurfaceVertex {
     const Hit<float> &hit;
+    const AnySurface &surface;
 
     const Vec3f &position() const { return hit.position; }
     float position_error() const { return hit.position_error; }
     Vec3f leave(const Vec3f &wi) const { return lajolla::leave(hit, wi); }
     void enter(auto &medium, const Vec3f &wi) const { medium.cross(hit, wi); }
-};
-
-struct SurfaceVertex : SurfacePoint {
-    const AnySurface &surface;
-
     BsdfEval<float> eval(const Vec3f &wi) const { return surface.eval(wi); }
 };
 

@@ -10,14 +10,6 @@ namespace lajolla {
 // so that none lasts forever.
 inline constexpr int max_null_transmissions = 1024;
 
-// What passes straight through a surface that a path hits, all of it through a light that it shall not see.
-inline NullTransmission<float> null_transmission_at(const Scene &scene, const Hit<float> &hit,
-                                                    const Vec3f &direction, bool hidden) {
-    if (hidden) return {Spectrum(1), 1};
-    return scene.has_null_transmission() ? scene.null_transmission(hit, -direction)
-                                         : NullTransmission<float>{};
-}
-
 // From a point towards a sampled light, ending before its surface. `light.target` clears the error of the
 // light's own coordinates; the end clears those of a far away viewer's too.
 template <class Float>
@@ -28,38 +20,44 @@ Ray<Float> shadow_ray(const Vec3<Float> &origin, Float origin_error, const Direc
             select(distant, Float(infinity), far)};
 }
 
-// What remains of a sampled light at a vertex; nothing where something opaque is in between. `medium` draws
-// its numbers for this ray.
-template <class Vertex, class Medium>
-std::optional<typename Medium::Light> arrival(const Scene &scene, Tracer &tracer, const Vertex &vertex,
-                                              const DirectSample<float> &light, Medium medium) {
-    typename Medium::Light result;
-    const auto attenuate = [&](const Ray<float> &ray, float t) {
+// What remains of a sampled light after its shadow ray, of which the first hit was found; nothing where
+// something opaque is in between. `error` is that of the ray's origin.
+template <class Medium>
+std::optional<typename Medium::Transmittance>
+transmittance(const Scene &scene, Tracer &tracer, Ray<float> ray, std::optional<RayHit> found, float error,
+              const DirectSample<float> &light, Medium medium) {
+    typename Medium::Transmittance result;
+    const auto attenuate = [&](float t) {
         medium.attenuate(scene, {ray.origin, light.wi, 0, t * length(ray.direction)}, result);
     };
-    vertex.enter(medium, light.wi);
-    Ray<float> ray = shadow_ray(vertex.leave(light.wi), vertex.position_error(), light);
-    if (!scene.has_null_transmission()) {
-        if (tracer.occluded(ray)) return std::nullopt;
-        attenuate(ray, ray.far);
-        return result;
-    }
-    for (int count = 0; count < max_null_transmissions; ++count) {
-        const auto found = tracer.closest(ray);
-        if (!found) {
-            attenuate(ray, ray.far);
-            return result;
-        }
-        const Hit<float> surface = scene.hit(ray, *found, {}, scene.needs());
-        const NullTransmission<float> through = scene.null_transmission(surface, -light.wi);
-        if (through.probability == 0) break;
-        attenuate(ray, found->distance);
+    for (int passed = 0; found; ++passed) {
+        if (passed == max_null_transmissions) return std::nullopt;
+        const Hit<float> hit = scene.hit(ray, *found, {}, scene.needs());
+        const NullTransmission<float> through = scene.null_transmission(hit, -light.wi);
+        if (through.probability == 0) return std::nullopt;
+        attenuate(found->distance);
         result.pass(through);
-        medium.cross(surface, light.wi);
-        ray = shadow_ray(leave(surface, light.wi), vertex.position_error(), light);
+        medium.cross(hit, light.wi);
+        ray = shadow_ray(leave(hit, light.wi), error, light);
         if (dot(ray.direction, light.wi) <= 0) return result;
+        found = tracer.closest(ray);
     }
-    return std::nullopt;
+    attenuate(ray.far);
+    return result;
+}
+
+// The same of the shadow ray from a vertex. `medium` draws its numbers for this ray.
+template <class Vertex, class Medium>
+std::optional<typename Medium::Transmittance> transmittance(const Scene &scene, Tracer &tracer,
+                                                            const Vertex &vertex,
+                                                            const DirectSample<float> &light, Medium medium) {
+    vertex.enter(medium, light.wi);
+    const float error = vertex.position_error();
+    const Ray<float> ray = shadow_ray(vertex.leave(light.wi), error, light);
+    std::optional<RayHit> found;
+    if (scene.has_null_transmission()) found = tracer.closest(ray);
+    else if (tracer.occluded(ray)) return std::nullopt;
+    return transmittance(scene, tracer, ray, found, error, light, medium);
 }
 
 } // namespace lajolla

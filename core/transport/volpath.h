@@ -29,10 +29,9 @@ struct VolPath : Path {
         if (version == 3) strategy = Strategy::bsdf;
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                      const CameraRay<float> &camera) const {
-        if (is_vacuum(scene)) return trace<Vacuum>(scene, tracer, sampler, camera);
-        return trace<InMedia>(scene, tracer, sampler, camera);
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const {
+        if (is_vacuum(scene)) return trace<Vacuum>(scene, tracer, sampler, primary);
+        return trace<InMedia>(scene, tracer, sampler, primary);
     }
     bool is_vacuum(const Scene &scene) const { return scene.media().empty() && surfaces_scatter; }
 };

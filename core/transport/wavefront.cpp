@@ -132,7 +132,7 @@ Wavefront::StoredPath Wavefront::stored(const PathState<float> &p, std::int32_t 
     const Vec3f &o = p.ray.origin, &d = p.ray.direction;
     return {{{o.x, o.y, o.z, std::copysign(p.pdf, p.delta ? -1.0f : 1.0f)},
              {d.x, d.y, d.z, p.eta},
-             {p.throughput.x, p.throughput.y, p.throughput.z, p.flight},
+             {p.throughput.x, p.throughput.y, p.throughput.z, p.u_event},
              {p.from.x, p.from.y, p.from.z, p.cone.radius},
              {p.ray.near, p.ray.far, p.cone.spread, 0},
              {as_float(p.depth), as_float(p.block), as_float(p.null_transmissions), as_float(sample)}}};
@@ -149,7 +149,7 @@ void Wavefront::append(const PathState<WideFloat> &path, const Packet &packet, W
     const WideFloat pdf = copysign(path.pdf, select(path.delta, WideFloat(-1), WideFloat(1)));
     store(0, quad(path.ray.origin, pdf));
     store(1, quad(path.ray.direction, path.eta));
-    store(2, quad(Vec3<WideFloat>(path.throughput), path.flight));
+    store(2, quad(Vec3<WideFloat>(path.throughput), path.u_event));
     store(3, quad(path.from, path.cone.radius));
     store(4, {path.ray.near, path.ray.far, path.cone.spread, 0});
     store(5, {as_float(path.depth), as_float(path.block), as_float(path.null_transmissions),
@@ -303,17 +303,15 @@ void Wavefront::follow_one_by_one(std::span<const std::int32_t> paths, Tracer &t
         const auto sample = static_cast<std::size_t>(sample_of(index));
         Path::Walk<Vacuum> walk{one(paths_[i]), Vacuum(), radiance_[sample]};
         const Sampler &sampler = samplers_[sample];
-        const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(walk.path.block));
         const RayHit found{hits_[i].distance,
                            hits_[i].b1,
                            hits_[i].b2,
                            static_cast<std::uint32_t>(shapes_[i]),
                            static_cast<std::uint32_t>(hits_[i].primitive),
                            static_cast<std::uint32_t>(instances_[i])};
-        const Path::Course course = integrator_.visit(scene_, tracer, sampler, u, found, walk);
+        const bool goes_on = integrator_.step(scene_, tracer, sampler, found, walk);
         radiance_[sample] = walk.radiance;
-        if (course != Path::Course::ended)
-            next_[next_count_++] = stored(walk.path, static_cast<std::int32_t>(sample));
+        if (goes_on) next_[next_count_++] = stored(walk.path, static_cast<std::int32_t>(sample));
     }
 }
 
@@ -352,13 +350,14 @@ void Wavefront::add_direct_light(const Vertex &vertex, const DirectSample<WideFl
     add(value, vertex.packet, lit && blockers.shape < 0);
     for_each_lane(lit && blockers.shape >= 0, [&](int k) {
         if (!transmits_[static_cast<std::size_t>(blockers.shape[k])]) return;
-        const Hit<float> one_hit = lane_of(hit, k);
         const DirectSample<float> one_light = lane_of(light, k);
-        const auto arrived = arrival(scene_, tracer, SurfacePoint{one_hit}, one_light, Vacuum());
-        if (!arrived) return;
+        const auto arriving = transmittance(scene_, tracer, lane_of(ray, k), blockers[k],
+                                            hit.position_error[k], one_light, Vacuum());
+        if (!arriving) return;
         const BsdfEval<float> f{lane_of(bsdf.f_cos, k), bsdf.pdf[k], bsdf.eta[k]};
         radiance_[static_cast<std::size_t>(vertex.packet.samples[k])] +=
-            lane_of(throughput, k) * (integrator_.direct(one_light, f, arrived->reach) * arrived->value());
+            lane_of(throughput, k) *
+            (integrator_.direct(one_light, f, arriving->path_pdf) * arriving->value());
     });
 }
 
@@ -368,18 +367,18 @@ template <class Model>
                                              WideBool turned, WideBool active, WideFloat share, Task task,
                                              Tracer &tracer) {
     const auto &[packet, incoming, hit, wo, u] = vertex;
-    const auto [black, frame, bent] = shading_frame(traits, hit, wo, normal, turned);
+    const auto [black, frame, shading_normal] = shading_frame(traits, hit, wo, normal, turned);
     active = active && !black;
     if (!any(active)) return;
     Surface<WideFloat, LobeOf<Model, WideFloat>> surface{
-        black, traits.delta,       1,
-        frame, frame.to_local(wo), prepare_lobe<WideFloat>(model, scene_.filtered_reader(hit, wo)),
-        bent};
-    surface.sharp = surface.sharp || WideFloat(surface.lobe.roughness()) < scene_.sharpest();
+        black,         traits.delta,       1,
+        frame,         frame.to_local(wo), prepare_lobe<WideFloat>(model, scene_.filtered_reader(hit, wo)),
+        shading_normal};
+    surface.delta = surface.delta || WideFloat(surface.lobe.roughness()) < scene_.least_roughness();
     if constexpr (requires { surface.lobe.null_transmission(wo); })
         surface.stopped = 1 - surface.lobe.null_transmission(surface.wo).probability;
 
-    const WideBool lightable = active && !surface.sharp;
+    const WideBool lightable = active && !surface.delta;
     if (task != Task::sample_direction && !scene_.lights().empty() && any(lightable)) {
         const DirectSample<WideFloat> light =
             scene_.lights().sample_direct(hit.position, u.light, u.light_uv);
@@ -392,7 +391,7 @@ template <class Model>
     const BsdfSample<WideFloat> sample = surface.sample(u.lobe, u.bsdf_uv);
     WideBool goes_on = active && sample.valid;
     PathState<WideFloat> path = incoming;
-    Path::scatter(scene_, hit, sample, surface.sharp, path);
+    Path::scatter(scene_, hit, sample, surface.delta, path);
     const WideBool broken = goes_on && !is_finite(path.throughput);
     if (any(broken)) // whoever takes the sample counts it
         for_each_lane(broken, [&](int k) {
@@ -442,18 +441,18 @@ void Wavefront::scatter_tree(const Material &material, std::span<const std::int3
 
         Vertex vertex{packet, path, hit, -path.ray.direction, numbers(packet, path)};
         const Vec3<WideFloat> &wo = vertex.wo;
-        const auto read = scene_.sharp_reader(hit);
+        const auto read = scene_.unfiltered_reader(hit);
         const WideBool behind = !(dot(hit.normal, wo) >= 0.0f) && WideBool(!(material.back == MaterialId{}));
         const auto scatter_side = [&](MaterialId root, WideBool turned, WideBool active) {
             if (!any(active)) return;
             const MappedNormal<WideFloat> normal{select(turned, -hit.shading_normal, hit.shading_normal),
                                                  hit.dp_du, turned};
-            WideFloat u = path.flight;
+            WideFloat u = path.u_event;
             if (materials.has_null_transmission(root)) {
                 const auto through = materials.null_transmission(root, read, hit, wo, normal);
                 const WideBool passes_through = active && passes(through.probability, u);
                 PathState<WideFloat> onward = path;
-                onward.flight = u;
+                onward.u_event = u;
                 Path::pass_through(hit, through, onward);
                 append(onward, packet, passes_through && onward.null_transmissions <= max_null_transmissions);
                 active = active && !passes_through;

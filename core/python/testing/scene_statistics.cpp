@@ -36,7 +36,7 @@ DirectSample<float> sample_light(const Scene &scene, Index index, Vec3f p, Vec3f
 
 // Whether a light's sample is seen from p, as a path's shadow ray finds out.
 bool sees(const Scene &scene, Tracer &tracer, Vec3f p, const DirectSample<float> &sample) {
-    const auto light = arrival(scene, tracer, MediumVertex{p, {}, {}}, sample, Vacuum());
+    const auto light = transmittance(scene, tracer, MediumVertex{p, {}, {}}, sample, Vacuum());
     return light && !is_black(light->value());
 }
 

@@ -183,11 +183,11 @@ nb::object in_packets(std::size_t rows, bool one_lane, One &&one, Wide &&wide) {
 
 template <class Float>
 std::array<Float, 6> numbers_of(const CameraSample<Float> &s) {
-    return {s.film.x, s.film.y, s.lens.x, s.lens.y, s.flight, s.channel};
+    return {s.film.x, s.film.y, s.lens.x, s.lens.y, s.event, s.channel};
 }
 template <class Float>
 std::array<Float, 8> numbers_of(const BounceSample<Float> &s) {
-    return {s.light_uv.x, s.light_uv.y, s.bsdf_uv.x, s.bsdf_uv.y, s.light, s.lobe, s.roulette, s.flight};
+    return {s.light_uv.x, s.light_uv.y, s.bsdf_uv.x, s.bsdf_uv.y, s.light, s.lobe, s.roulette, s.event};
 }
 
 nb::object sampler_cameras(const std::string &kind, const SampleRows<4> &rows, bool one_lane) {
@@ -346,12 +346,12 @@ void bind_statistics(nb::module_ &m) {
         .def("eval_many", &LoneBsdf::eval_many, nb::arg("wo"), nb::arg("wi"), nb::arg("one_lane") = false,
              "Evaluates wo (1 or N, 3), wi (N, 3): f_cos (N, 3) and pdf (N,) per solid angle.");
     m.def("sampler_cameras", &sampler_cameras, nb::arg("kind"), nb::arg("rows"), nb::arg("one_lane") = false,
-          "The camera numbers (N, 6) of rows (N, 4) of seed, x, y, index: film x, y, lens x, y, flight, "
+          "The camera numbers (N, 6) of rows (N, 4) of seed, x, y, index: film x, y, lens x, y, event, "
           "channel.");
     m.def(
         "sampler_bounces", &sampler_bounces, nb::arg("kind"), nb::arg("rows"), nb::arg("one_lane") = false,
         "The numbers (N, 8) of rows (N, 5) of seed, x, y, index, bounce: light_uv x, y, bsdf_uv x, y, light, "
-        "lobe, roulette, flight.");
+        "lobe, roulette, event.");
     m.def("elementary", &elementary, nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("one_lane") = false,
           "A function of base/math.h of x (N,) and y (N,), which those of one number ignore.");
     m.def("distribution_sample", &distribution_sample, nb::arg("weights"), nb::arg("u"),
