@@ -224,6 +224,18 @@ def test_ply_attributes(
         np.testing.assert_allclose(np.reshape(mesh.attributes[name], (4, -1)), [value] * 4, rtol=1e-6)
 
 
+@pytest.mark.parametrize("kind, value, expected", [("uchar", 128, 0.2158605), ("float", 0.5, 0.5)])
+def test_ply_integer_colours_may_be_encoded(load: Loader, kind: str, value: float, expected: float) -> None:
+    properties = [*(f"float {axis}" for axis in "xyz"), *(f"{kind} {c}" for c in ("red", "green", "blue"))]
+    rows = [[*p, value, value, value] for p in TRIANGLE.tolist()]
+    face = ("face", ["list uchar int vertex_indices"], [[[0, 1, 2]]])
+    content = ply("ascii", ("vertex", properties, rows), face)
+    encoded = load("ply", content, False, True).attributes["vertex_color"]
+    assert np.allclose(encoded, expected, atol=1e-6)
+    plain = load("ply", content).attributes["vertex_color"]
+    assert np.allclose(plain, value / 255 if kind == "uchar" else value)
+
+
 @pytest.mark.parametrize("file_format", PLY_FORMATS)
 def test_ply_faces_of_any_size_with_attributes(load: Loader, file_format: str) -> None:
     columns = [

@@ -243,10 +243,11 @@ void bind_meshes(nb::module_ &m) {
         "runs the other way. Raises MeshError.");
     m.def(
         "load_ply",
-        [](const std::filesystem::path &path, bool flip_uvs) {
-            return from_file(read_ply(read_file(path).bytes()), flip_uvs);
+        [](const std::filesystem::path &path, bool flip_uvs, bool srgb_colors) {
+            return from_file(read_ply(read_file(path).bytes(), srgb_colors), flip_uvs);
         },
-        "path"_a, "flip_uvs"_a = false, "Reads a PLY file, text or binary. Raises MeshError.");
+        "path"_a, "flip_uvs"_a = false, "srgb_colors"_a = false,
+        "Reads a PLY file, text or binary; srgb_colors: integer colours are encoded. Raises MeshError.");
     m.def(
         "load_serialized",
         [](const std::filesystem::path &path, int index, bool flip_uvs) {

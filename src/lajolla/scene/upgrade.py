@@ -141,3 +141,5 @@ def _write_defaults(node: Node) -> None:
                 prop.value = snake_case(prop.value)
     elif node.kind == "shape" and node.plugin == "obj":
         node.set_default("load_materials", True)
+    elif node.kind == "shape" and node.plugin == "ply":
+        node.set_default("srgb", True)
