@@ -1,6 +1,7 @@
 #include "meshio/ply.h"
 
 #include "meshio/ply_header.h"
+#include "meshio/polygon.h"
 
 #include <algorithm>
 #include <array>
@@ -271,11 +272,6 @@ void read_vertices(Source &source, const PlyElement &element, bool srgb, MeshDat
 
 using Triangles = RoomyVector<MeshData::Triangle>;
 
-/// Appends a polygon as a fan. Fewer than three corners make no triangle.
-void append_fan(std::span<const uint32_t> corners, Triangles &triangles) {
-    for (size_t i = 2; i < corners.size(); ++i) triangles.push_back({corners[0], corners[i - 1], corners[i]});
-}
-
 /// Appends a triangle strip; every other triangle is turned round, so that all face the same way.
 void append_strip(std::span<const uint32_t> corners, Triangles &triangles) {
     for (size_t i = 2; i < corners.size(); ++i)
@@ -289,22 +285,41 @@ uint32_t to_index(const Source &source, double value, uint64_t vertex_count) {
     return static_cast<uint32_t>(value);
 }
 
-/// Appends the triangles of one list of vertex indices. In strips, -1 starts a new one. `corners` is scratch.
+/// Appends the triangles of one list of vertex indices, where -1 starts a new strip. `corners` is scratch.
 template <class Source>
-void append_triangles(const Source &source, std::span<const double> list, bool is_strip,
-                      uint64_t vertex_count, std::vector<uint32_t> &corners, Triangles &triangles) {
+void append_strips(const Source &source, std::span<const double> list, uint64_t vertex_count,
+                   std::vector<uint32_t> &corners, Triangles &triangles) {
     corners.clear();
     for (double value : list) {
-        if (is_strip && value == -1) {
+        if (value == -1) {
             append_strip(corners, triangles);
             corners.clear();
         } else {
             corners.push_back(to_index(source, value, vertex_count));
         }
     }
-    if (is_strip) append_strip(corners, triangles);
-    else append_fan(corners, triangles);
+    append_strip(corners, triangles);
 }
+
+/// A polygon's corners, by number and, where the vertices are known already, by place.
+struct Polygon {
+    std::vector<uint32_t> corners;
+    std::vector<Vec3f> outline;
+
+    template <class Source>
+    void read(const Source &source, std::span<const double> list, uint64_t vertex_count,
+              const RoomyVector<Vec3f> &positions) {
+        corners.clear();
+        outline.clear();
+        for (double value : list) {
+            corners.push_back(to_index(source, value, vertex_count));
+            if (!positions.empty()) outline.push_back(positions[corners.back()]);
+        }
+    }
+    std::span<const PolygonCutter::Triangle> cut(PolygonCutter &cutter) const {
+        return outline.empty() ? cutter.fan(corners.size()) : cutter.cut(outline);
+    }
+};
 
 /// The position of the first list of one of these names; past the end where there is none.
 size_t find_list(const PlyElement &element, std::initializer_list<std::string_view> names) {
@@ -317,16 +332,17 @@ size_t find_list(const PlyElement &element, std::initializer_list<std::string_vi
 
 using CornerUvs = std::vector<std::array<Vec2f, 3>>; // of each triangle, where faces have their own
 
-/// Appends the texture coordinates of a polygon's corners, in pairs, as its triangles were. Where it has
-/// none, they are those of its vertices.
-void append_corner_uvs(std::span<const double> pairs, std::span<const double> corners, const MeshData &mesh,
+/// Appends the texture coordinates of a polygon's triangles: the pairs at its corners, or those of its
+/// vertices.
+void append_corner_uvs(std::span<const double> pairs, std::span<const uint32_t> corners,
+                       std::span<const PolygonCutter::Triangle> triangles, const MeshData &mesh,
                        CornerUvs &result) {
     auto uv = [&](size_t corner) {
         if (pairs.size() == 2 * corners.size())
             return Vec2f(static_cast<float>(pairs[2 * corner]), static_cast<float>(pairs[2 * corner + 1]));
-        return mesh.uvs.empty() ? Vec2f(0, 0) : mesh.uvs[static_cast<size_t>(corners[corner])];
+        return mesh.uvs.empty() ? Vec2f(0, 0) : mesh.uvs[corners[corner]];
     };
-    for (size_t i = 2; i < corners.size(); ++i) result.push_back({uv(0), uv(i - 1), uv(i)});
+    for (const auto &t : triangles) result.push_back({uv(t[0]), uv(t[1]), uv(t[2])});
 }
 
 /// A vertex with a texture coordinate, bit by bit.
@@ -396,18 +412,27 @@ void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count
     const bool is_strip = element.name == "tristrips";
     const bool has_corner_uvs = lists[1].property != none && !is_strip;
     std::vector<double> row(element.properties.size());
-    std::vector<uint32_t> corners;
+    Polygon polygon;
+    PolygonCutter cutter;
     for (uint64_t i = 0; i < element.count; ++i) {
         read_row(source, element, row, lists);
         size_t before = mesh.triangles.size();
-        append_triangles(source, lists[0].values, is_strip, vertex_count, corners, mesh.triangles);
-        if (has_corner_uvs) append_corner_uvs(lists[1].values, lists[0].values, mesh, corner_uvs);
+        if (is_strip) {
+            append_strips(source, lists[0].values, vertex_count, polygon.corners, mesh.triangles);
+        } else {
+            polygon.read(source, lists[0].values, vertex_count, mesh.positions);
+            const auto &corners = polygon.corners;
+            const auto cut = polygon.cut(cutter);
+            for (const auto &t : cut) mesh.triangles.push_back({corners[t[0]], corners[t[1]], corners[t[2]]});
+            if (has_corner_uvs) append_corner_uvs(lists[1].values, corners, cut, mesh, corner_uvs);
+        }
         for (size_t k = before; k < mesh.triangles.size(); ++k)
             for (Field &field : fields) field.append(row);
         if (mesh.triangles.size() >= std::numeric_limits<uint32_t>::max())
             source.fail("the mesh has more than 2^32 triangles");
     }
     for (Field &field : fields) mesh.attributes.push_back(to_attribute(field, true));
+    mesh.concave = cutter.met_concave;
 }
 
 template <class Source>

@@ -282,7 +282,8 @@ class Translator:
             if self.pack or indexed or node.find("max_smooth_angle") is not None:
                 return True
             path = self.folder / str(getattr(node.find("filename"), "value", ""))
-            return not reads_alike(path, node.plugin, len(entry["mesh"].faces))
+            mesh = entry["mesh"]
+            return mesh.concave or not reads_alike(path, node.plugin, len(mesh.faces))
         return node.plugin in ("sphere", "cylinder") and entry["type"] == "mesh"
 
 
