@@ -73,6 +73,15 @@ def test_a_batch_is_its_cameras(tmp_path: Path) -> None:
         load_description(written(tmp_path, BATCH.format("")))
 
 
+def test_a_window_of_a_batch_is_left_out(tmp_path: Path) -> None:
+    windowed = BATCH.replace("<rfilter", '<integer name="crop_offset_x" value="40"/><rfilter')
+    description = load_description(written(tmp_path, windowed.format(VIEW.format("perspective", ""))))
+    assert description.core["film"]["crop_offset_x"] == 0
+    assert [w.message for w in description.warnings] == [
+        'the window of the film "hdrfilm" of sensor "batch" is left out'
+    ]
+
+
 def test_a_batch_in_a_dict() -> None:
     scene = {
         "type": "scene",

@@ -224,6 +224,18 @@ def test_ply_attributes(
         np.testing.assert_allclose(np.reshape(mesh.attributes[name], (4, -1)), [value] * 4, rtol=1e-6)
 
 
+@pytest.mark.parametrize("kind, value, expected", [("uchar", 128, 0.2158605), ("float", 0.5, 0.5)])
+def test_ply_integer_colours_may_be_encoded(load: Loader, kind: str, value: float, expected: float) -> None:
+    properties = [*(f"float {axis}" for axis in "xyz"), *(f"{kind} {c}" for c in ("red", "green", "blue"))]
+    rows = [[*p, value, value, value] for p in TRIANGLE.tolist()]
+    face = ("face", ["list uchar int vertex_indices"], [[[0, 1, 2]]])
+    content = ply("ascii", ("vertex", properties, rows), face)
+    encoded = load("ply", content, False, True).attributes["vertex_color"]
+    assert np.allclose(encoded, expected, atol=1e-6)
+    plain = load("ply", content).attributes["vertex_color"]
+    assert np.allclose(plain, value / 255 if kind == "uchar" else value)
+
+
 @pytest.mark.parametrize("file_format", PLY_FORMATS)
 def test_ply_faces_of_any_size_with_attributes(load: Loader, file_format: str) -> None:
     columns = [
@@ -240,6 +252,52 @@ def test_ply_faces_of_any_size_with_attributes(load: Loader, file_format: str) -
     np.testing.assert_array_equal(mesh.faces, [[0, 1, 2], [0, 2, 3], [3, 2, 1]])
     np.testing.assert_array_equal(np.ravel(mesh.attributes["face_w"]), [1, 1, 3])
     np.testing.assert_array_equal(mesh.attributes["face_color"], [[1, 0, 0], [1, 0, 0], [0, 0, 1]])
+
+
+def star(corners: int, seed: int) -> np.ndarray:
+    """A polygon around its middle with random radii, in a random plane: concave, but not crossing itself."""
+    random = np.random.default_rng(seed)
+    angle, radius = 2 * np.pi * np.arange(corners) / corners, random.uniform(0.4, 1, corners)
+    radius[1] = 0.1
+    flat = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1) * radius[:, None]
+    turn, _ = np.linalg.qr(random.normal(size=(3, 3)))
+    return (flat @ turn.T + random.normal(size=3)).astype(np.float32)
+
+
+@pytest.mark.parametrize("kind", ["obj", *PLY_FORMATS])
+@pytest.mark.parametrize("corners", [5, 6, 30, 200])
+def test_concave_polygons_are_cut_within_their_outline(load: Loader, kind: str, corners: int) -> None:
+    """All triangles face the same way and cover the polygon once; fans would not."""
+    points, found = star(corners, corners), range(corners)
+    if kind == "obj":
+        lines = [f"v {' '.join(map(str, p))}" for p in points.tolist()]
+        text = "\n".join([*lines, "f " + " ".join(str(i + 1) for i in found), ""])
+        mesh = load("obj", text)
+    else:
+        face = ("face", ["list int int vertex_indices"], [[list(found)]])
+        rows = ("vertex", ["float x", "float y", "float z"], points.tolist())
+        mesh = load("ply", ply(kind, rows, face))
+    assert len(mesh.faces) == corners - 2 and mesh.concave
+    outline = points.astype(float)
+    whole = np.cross(outline, np.roll(outline, -1, 0)).sum(0) / 2
+    p = mesh.vertices[mesh.faces].astype(float)
+    areas = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) @ whole / np.linalg.norm(whole) / 2
+    assert np.all(areas > -1e-6) and np.isclose(areas.sum(), np.linalg.norm(whole), rtol=1e-5)
+
+
+def test_odd_polygons_become_fans(load: Loader) -> None:
+    """Convex ones, those without an area, and the rest of one that crosses itself all over."""
+    square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0 0\n"
+    for face in ("1 2 3 4", "1 5 2 3 4", "1 2 1 2", "1 1 1 1"):
+        mesh = load("obj", f"{square}f {face}\n")
+        fan = [[0, i - 1, i] for i in range(2, len(face.split()))]
+        assert not mesh.concave and len(mesh.faces) == len(fan)
+    random = np.random.default_rng(1)
+    count = 3000
+    lines = [f"v {x} {y} 0" for x, y in random.random((count, 2)).round(4)]
+    start = time.perf_counter()
+    mesh = load("obj", "\n".join([*lines, "f " + " ".join(str(i + 1) for i in range(count)), ""]))
+    assert len(mesh.faces) == count - 2 and time.perf_counter() - start < 2
 
 
 WEDGES = ["list uchar int vertex_indices", "list uchar float texcoord", "int texnumber"]

@@ -241,3 +241,20 @@ def test_mirrored_spheres_are_inside_out_since_version_2(version: str, side: int
         scene, np.array([[0, 0, 5]], np.float32), np.array([[0, 0, -1]], np.float32)
     )
     assert hits["normal"][0, 2] == side
+
+
+@pytest.mark.parametrize(
+    "version, given, expected", [("0.6.0", "", 0.2159), ("0.6.0", "false", 0.502), ("3.0.0", "", 0.502)]
+)
+def test_colours_of_vertices_in_old_files_are_encoded(
+    version: str, given: str, expected: float, tmp_path: Path
+) -> None:
+    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    header += "property uchar r\nproperty uchar g\nproperty uchar b\nelement face 1\n"
+    corners = "0 0 0 128 128 128\n1 0 0 128 128 128\n0 1 0 128 128 128\n3 0 1 2\n"
+    text = header + "property list uchar int vertex_indices\nend_header\n" + corners
+    (tmp_path / "a.ply").write_text(text)
+    option = f'<boolean name="srgb" value="{given}"/>' if given else ""
+    body = f'<shape type="ply"><string name="filename" value="a.ply"/>{option}</shape>'
+    mesh = read(tmp_path, body, version).core["shapes"][0]["mesh"]
+    assert np.allclose(mesh.attributes["vertex_color"], expected, atol=1e-4)

@@ -9,7 +9,7 @@ from reader_tools import error, error_of, messages, read, write_scene
 
 import lajolla
 from lajolla import _core
-from lajolla.scene import export
+from lajolla.scene import SceneError, export
 
 SPHERE = '<shape type="sphere">{}</shape>'
 
@@ -396,3 +396,8 @@ def test_a_constant_texture_is_a_number(tmp_path: Path) -> None:
 def test_other_plugins_properties_are_not_told_one_by_one(tmp_path: Path) -> None:
     body = SPHERE.format('<bsdf type="irawan"><float name="metallic" value="1"/></bsdf>')
     assert len(messages(read(tmp_path, body), tmp_path)) == 1
+
+
+def test_a_mesh_without_a_mesh_has_a_place(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="a mesh shape needs a mesh"):
+        lajolla.load(write_scene(tmp_path, '<shape type="mesh"/>'))

@@ -12,7 +12,7 @@
 namespace lajolla {
 
 /// A triangle mesh as it was found in a file. All values are finite and every index is below the vertex
-/// count. Polygons have been cut into fans; degenerate triangles are kept. Strings are UTF-8.
+/// count. Polygons have been cut into triangles; degenerate ones are kept. Strings are UTF-8.
 struct MeshData {
     /// One named value per vertex or per triangle, named as Mitsuba 3 does: "vertex_..." or "face_...".
     struct Attribute {
@@ -40,6 +40,7 @@ struct MeshData {
     std::vector<std::string> material_libraries; // `mtllib` names; OBJ only
     std::string name;                            // serialized version 4 only
     bool face_normals = false;                   // the file asks for flat faces; serialized only
+    bool concave = false;                        // a polygon could not be cut into a fan
 };
 
 /// What is wrong with a mesh file, and where: a line number for text, a byte offset for binary data.

@@ -1,5 +1,6 @@
 #include "meshio/obj.h"
 
+#include "meshio/polygon.h"
 #include "meshio/text.h"
 
 #include <array>
@@ -79,6 +80,9 @@ struct ObjState {
     std::vector<std::string> libraries;
     int part = 0, wanted_part = -1; // -1: all
     bool part_has_faces = false;
+    std::vector<uint32_t> face; // corners of the face that is read, and where they are
+    std::vector<Vec3f> outline;
+    PolygonCutter cutter;
 };
 
 /// Moves to the next argument of the statement, over continuation lines. False where the statement ends.
@@ -181,15 +185,16 @@ Corner read_corner(TextCursor &text, const ObjState &obj) {
 void read_face(TextCursor &text, ObjState &obj) {
     obj.part_has_faces = true;
     if (obj.wanted_part >= 0 && obj.part != obj.wanted_part) return;
-    uint32_t first = 0, previous = 0;
-    for (size_t count = 0; next_argument(text); ++count) {
-        uint32_t corner = obj.table.number_of(read_corner(text, obj));
-        if (count == 0) first = corner;
-        if (count >= 2) {
-            obj.triangles.push_back({first, previous, corner});
-            obj.triangle_material.push_back(obj.material);
-        }
-        previous = corner;
+    obj.face.clear();
+    obj.outline.clear();
+    while (next_argument(text)) {
+        const Corner corner = read_corner(text, obj);
+        obj.face.push_back(obj.table.number_of(corner));
+        obj.outline.push_back(obj.positions[corner.position]);
+    }
+    for (const PolygonCutter::Triangle &t : obj.cutter.cut(obj.outline)) {
+        obj.triangles.push_back({obj.face[t[0]], obj.face[t[1]], obj.face[t[2]]});
+        obj.triangle_material.push_back(obj.material);
     }
     if (obj.table.corners.size() >= absent || obj.triangle_material.size() >= absent)
         fail(text, "the mesh has more than 2^32 vertices or triangles");
@@ -291,6 +296,7 @@ MeshData read_obj(std::span<const std::byte> file, int shape_index) {
     if (obj.materials.size() > 1) group_triangles(obj, mesh);
     else mesh.triangles = std::move(obj.triangles);
     mesh.material_libraries = std::move(obj.libraries);
+    mesh.concave = obj.cutter.met_concave;
     finish(mesh);
     return mesh;
 }

@@ -1,6 +1,7 @@
 #include "meshio/ply.h"
 
 #include "meshio/ply_header.h"
+#include "meshio/polygon.h"
 
 #include <algorithm>
 #include <array>
@@ -82,15 +83,24 @@ struct BinarySource {
     }
 };
 
+/// What an sRGB value stands for (IEC 61966-2-1).
+float linear(double srgb) {
+    return static_cast<float>(srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4));
+}
+
 /// Some properties of an element that belong together, and what the rows read so far hold for them.
 struct Field {
     std::string name;
     std::vector<size_t> properties; // positions in the element's list
     float scale = 1;
+    bool is_srgb = false;
     std::vector<float> values; // of attributes
 
     float *write(std::span<const double> row, float *out) const {
-        for (size_t p : properties) *out++ = static_cast<float>(row[p]) * scale;
+        for (size_t p : properties) {
+            const float value = static_cast<float>(row[p]) * scale;
+            *out++ = is_srgb ? linear(value) : value;
+        }
         return out;
     }
     void append(std::span<const double> row) {
@@ -120,10 +130,11 @@ bool add_field(std::vector<Field> &fields, const PlyElement &element, std::strin
     return true;
 }
 
-/// Colours of integer type cover the whole range of the type.
-void normalize_color(Field &field, const PlyElement &element) {
+/// Colours of integer type cover the whole range of the type, and may be encoded.
+void normalize_color(Field &field, const PlyElement &element, bool srgb) {
     PlyType type = element.properties[field.properties[0]].type;
     field.scale = static_cast<float>(1 / largest_value(type));
+    field.is_srgb = srgb && !is_floating(type);
 }
 
 /// The number of properties from `first` on that share its prefix and continue its suffix along `suffixes`.
@@ -141,7 +152,7 @@ size_t run_length(const PlyElement &element, size_t first, std::string_view pref
 
 /// The longest run of properties from `first` on that reads prefix_x prefix_y ..., prefix_r ..., prefix_0 ...
 /// or prefix_1 ...
-Field find_run(const PlyElement &element, size_t first, const std::string &kind) {
+Field find_run(const PlyElement &element, size_t first, const std::string &kind, bool srgb) {
     const std::string &name = element.properties[first].name;
     std::string prefix = name.substr(0, name.rfind('_') + 1);
     Field run;
@@ -152,19 +163,20 @@ Field find_run(const PlyElement &element, size_t first, const std::string &kind)
         bool is_color = suffixes == "rgba";
         run.name = kind + name.substr(0, prefix.size() - 1) + (is_color ? "_color" : "");
         for (size_t i = 0; i < length; ++i) run.properties.push_back(first + i);
-        if (is_color) normalize_color(run, element);
+        if (is_color) normalize_color(run, element, srgb);
     }
     return run;
 }
 
 /// Attributes in Mitsuba 3's sense: plain colours, and runs as above. Runs of other lengths than 1 and 3, and
 /// those whose name is taken, are ignored, as there.
-void add_attributes(std::vector<Field> &fields, const PlyElement &element, const std::string &kind) {
+void add_attributes(std::vector<Field> &fields, const PlyElement &element, const std::string &kind,
+                    bool srgb) {
     static constexpr std::array<std::string_view, 3> rgb{"r", "g", "b"}, words{"red", "green", "blue"};
     if (add_field(fields, element, kind + "color", rgb) || add_field(fields, element, kind + "color", words))
-        normalize_color(fields.back(), element);
+        normalize_color(fields.back(), element, srgb);
     for (size_t i = 0; i < element.properties.size();) {
-        Field run = find_run(element, i, kind);
+        Field run = find_run(element, i, kind, srgb);
         size_t length = run.properties.size();
         bool is_taken =
             std::any_of(fields.begin(), fields.end(), [&](const Field &f) { return f.name == run.name; });
@@ -236,7 +248,7 @@ float *make_room(Field &field, size_t count, MeshData &mesh) {
 }
 
 template <class Source>
-void read_vertices(Source &source, const PlyElement &element, MeshData &mesh) {
+void read_vertices(Source &source, const PlyElement &element, bool srgb, MeshData &mesh) {
     static constexpr std::array<std::string_view, 3> xyz{"x", "y", "z"}, normal{"nx", "ny", "nz"};
     static constexpr std::array<std::array<std::string_view, 2>, 3> uvs{
         {{"texture_u", "texture_v"}, {"s", "t"}, {"u", "v"}}};
@@ -245,7 +257,7 @@ void read_vertices(Source &source, const PlyElement &element, MeshData &mesh) {
     add_field(fields, element, "normal", normal);
     for (Names names : uvs)
         if (add_field(fields, element, "uv", names)) break;
-    add_attributes(fields, element, "vertex_");
+    add_attributes(fields, element, "vertex_", srgb);
 
     std::vector<float *> targets;
     for (Field &field : fields) targets.push_back(make_room(field, element.count, mesh));
@@ -260,11 +272,6 @@ void read_vertices(Source &source, const PlyElement &element, MeshData &mesh) {
 
 using Triangles = RoomyVector<MeshData::Triangle>;
 
-/// Appends a polygon as a fan. Fewer than three corners make no triangle.
-void append_fan(std::span<const uint32_t> corners, Triangles &triangles) {
-    for (size_t i = 2; i < corners.size(); ++i) triangles.push_back({corners[0], corners[i - 1], corners[i]});
-}
-
 /// Appends a triangle strip; every other triangle is turned round, so that all face the same way.
 void append_strip(std::span<const uint32_t> corners, Triangles &triangles) {
     for (size_t i = 2; i < corners.size(); ++i)
@@ -278,22 +285,41 @@ uint32_t to_index(const Source &source, double value, uint64_t vertex_count) {
     return static_cast<uint32_t>(value);
 }
 
-/// Appends the triangles of one list of vertex indices. In strips, -1 starts a new one. `corners` is scratch.
+/// Appends the triangles of one list of vertex indices, where -1 starts a new strip. `corners` is scratch.
 template <class Source>
-void append_triangles(const Source &source, std::span<const double> list, bool is_strip,
-                      uint64_t vertex_count, std::vector<uint32_t> &corners, Triangles &triangles) {
+void append_strips(const Source &source, std::span<const double> list, uint64_t vertex_count,
+                   std::vector<uint32_t> &corners, Triangles &triangles) {
     corners.clear();
     for (double value : list) {
-        if (is_strip && value == -1) {
+        if (value == -1) {
             append_strip(corners, triangles);
             corners.clear();
         } else {
             corners.push_back(to_index(source, value, vertex_count));
         }
     }
-    if (is_strip) append_strip(corners, triangles);
-    else append_fan(corners, triangles);
+    append_strip(corners, triangles);
 }
+
+/// A polygon's corners, by number and, where the vertices are known already, by place.
+struct Polygon {
+    std::vector<uint32_t> corners;
+    std::vector<Vec3f> outline;
+
+    template <class Source>
+    void read(const Source &source, std::span<const double> list, uint64_t vertex_count,
+              const RoomyVector<Vec3f> &positions) {
+        corners.clear();
+        outline.clear();
+        for (double value : list) {
+            corners.push_back(to_index(source, value, vertex_count));
+            if (!positions.empty()) outline.push_back(positions[corners.back()]);
+        }
+    }
+    std::span<const PolygonCutter::Triangle> cut(PolygonCutter &cutter) const {
+        return outline.empty() ? cutter.fan(corners.size()) : cutter.cut(outline);
+    }
+};
 
 /// The position of the first list of one of these names; past the end where there is none.
 size_t find_list(const PlyElement &element, std::initializer_list<std::string_view> names) {
@@ -306,16 +332,17 @@ size_t find_list(const PlyElement &element, std::initializer_list<std::string_vi
 
 using CornerUvs = std::vector<std::array<Vec2f, 3>>; // of each triangle, where faces have their own
 
-/// Appends the texture coordinates of a polygon's corners, in pairs, as its triangles were. Where it has
-/// none, they are those of its vertices.
-void append_corner_uvs(std::span<const double> pairs, std::span<const double> corners, const MeshData &mesh,
+/// Appends the texture coordinates of a polygon's triangles: the pairs at its corners, or those of its
+/// vertices.
+void append_corner_uvs(std::span<const double> pairs, std::span<const uint32_t> corners,
+                       std::span<const PolygonCutter::Triangle> triangles, const MeshData &mesh,
                        CornerUvs &result) {
     auto uv = [&](size_t corner) {
         if (pairs.size() == 2 * corners.size())
             return Vec2f(static_cast<float>(pairs[2 * corner]), static_cast<float>(pairs[2 * corner + 1]));
-        return mesh.uvs.empty() ? Vec2f(0, 0) : mesh.uvs[static_cast<size_t>(corners[corner])];
+        return mesh.uvs.empty() ? Vec2f(0, 0) : mesh.uvs[corners[corner]];
     };
-    for (size_t i = 2; i < corners.size(); ++i) result.push_back({uv(0), uv(i - 1), uv(i)});
+    for (const auto &t : triangles) result.push_back({uv(t[0]), uv(t[1]), uv(t[2])});
 }
 
 /// A vertex with a texture coordinate, bit by bit.
@@ -373,34 +400,43 @@ void split_vertices(const CornerUvs &corner_uvs, MeshData &mesh) {
 }
 
 template <class Source>
-void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count, MeshData &mesh,
+void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count, bool srgb, MeshData &mesh,
                 CornerUvs &corner_uvs) {
     std::array lists{List{find_list(element, {"vertex_indices", "vertex_index"}), {}},
                      List{find_list(element, {"texcoord"}), {}}}; // as MeshLab writes them
     const size_t none = element.properties.size();
     if (lists[0].property == none) source.fail("the faces have no list 'vertex_indices' or 'vertex_index'");
     std::vector<Field> fields;
-    add_attributes(fields, element, "face_");
+    add_attributes(fields, element, "face_", srgb);
 
     const bool is_strip = element.name == "tristrips";
     const bool has_corner_uvs = lists[1].property != none && !is_strip;
     std::vector<double> row(element.properties.size());
-    std::vector<uint32_t> corners;
+    Polygon polygon;
+    PolygonCutter cutter;
     for (uint64_t i = 0; i < element.count; ++i) {
         read_row(source, element, row, lists);
         size_t before = mesh.triangles.size();
-        append_triangles(source, lists[0].values, is_strip, vertex_count, corners, mesh.triangles);
-        if (has_corner_uvs) append_corner_uvs(lists[1].values, lists[0].values, mesh, corner_uvs);
+        if (is_strip) {
+            append_strips(source, lists[0].values, vertex_count, polygon.corners, mesh.triangles);
+        } else {
+            polygon.read(source, lists[0].values, vertex_count, mesh.positions);
+            const auto &corners = polygon.corners;
+            const auto cut = polygon.cut(cutter);
+            for (const auto &t : cut) mesh.triangles.push_back({corners[t[0]], corners[t[1]], corners[t[2]]});
+            if (has_corner_uvs) append_corner_uvs(lists[1].values, corners, cut, mesh, corner_uvs);
+        }
         for (size_t k = before; k < mesh.triangles.size(); ++k)
             for (Field &field : fields) field.append(row);
         if (mesh.triangles.size() >= std::numeric_limits<uint32_t>::max())
             source.fail("the mesh has more than 2^32 triangles");
     }
     for (Field &field : fields) mesh.attributes.push_back(to_attribute(field, true));
+    mesh.concave = cutter.met_concave;
 }
 
 template <class Source>
-MeshData read_elements(Source source, const PlyHeader &header) {
+MeshData read_elements(Source source, const PlyHeader &header, bool srgb) {
     const PlyElement *vertices = nullptr, *faces = nullptr;
     for (const PlyElement &element : header.elements) {
         const PlyElement *&known = element.name == "vertex" ? vertices : faces;
@@ -416,8 +452,8 @@ MeshData read_elements(Source source, const PlyHeader &header) {
     CornerUvs corner_uvs;
     for (const PlyElement &element : header.elements) {
         check_count(source, element);
-        if (&element == vertices) read_vertices(source, element, mesh);
-        else if (&element == faces) read_faces(source, element, vertices->count, mesh, corner_uvs);
+        if (&element == vertices) read_vertices(source, element, srgb, mesh);
+        else if (&element == faces) read_faces(source, element, vertices->count, srgb, mesh, corner_uvs);
         else skip_element(source, element);
     }
     if (!corner_uvs.empty()) split_vertices(corner_uvs, mesh);
@@ -427,14 +463,14 @@ MeshData read_elements(Source source, const PlyHeader &header) {
 
 } // namespace
 
-MeshData read_ply(std::span<const std::byte> file) {
+MeshData read_ply(std::span<const std::byte> file, bool srgb_colors) {
     TextCursor text = text_cursor(file);
     PlyHeader header = read_ply_header(text);
-    if (header.format == PlyFormat::ascii) return read_elements(AsciiSource{text}, header);
+    if (header.format == PlyFormat::ascii) return read_elements(AsciiSource{text}, header, srgb_colors);
     bool native_is_little = std::endian::native == std::endian::little;
     bool swap_bytes = (header.format == PlyFormat::little_endian) != native_is_little;
     auto data = file.last(static_cast<size_t>(text.end - text.at));
-    return read_elements(BinarySource{data, file.size(), swap_bytes}, header);
+    return read_elements(BinarySource{data, file.size(), swap_bytes}, header, srgb_colors);
 }
 
 } // namespace lajolla

@@ -33,7 +33,7 @@ using Table = nb::ndarray<const T, nb::shape<-1, static_cast<Py_ssize_t>(N)>, nb
 struct LoadedMesh : Mesh {
     std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t>> groups;
     std::vector<std::string> material_libraries;
-    bool face_normals = false;
+    bool face_normals = false, concave = false;
 };
 
 template <std::size_t N, class Elements, class T>
@@ -77,6 +77,7 @@ std::shared_ptr<LoadedMesh> from_file(MeshData data, bool flip_uvs) {
         mesh->groups.emplace_back(group.material, group.first_triangle, group.triangle_count);
     mesh->material_libraries = std::move(data.material_libraries);
     mesh->face_normals = data.face_normals;
+    mesh->concave = data.concave;
     return mesh;
 }
 
@@ -114,6 +115,7 @@ std::shared_ptr<LoadedMesh> changed(const LoadedMesh &mesh, Mesh arrays) {
     result->groups = mesh.groups;
     result->material_libraries = mesh.material_libraries;
     result->face_normals = mesh.face_normals;
+    result->concave = mesh.concave;
     return result;
 }
 
@@ -211,7 +213,8 @@ void bind_meshes(nb::module_ &m) {
         .def("with_vertex_normals", &with_normals, "to_world"_a,
              "A mesh with angle-weighted normals at its vertices, as they are in the world.")
         .def("part", &part, "first_face"_a, "count"_a, "A mesh of consecutive faces.")
-        .def_ro("face_normals", &LoadedMesh::face_normals, "Whether the file asks for flat faces.");
+        .def_ro("face_normals", &LoadedMesh::face_normals, "Whether the file asks for flat faces.")
+        .def_ro("concave", &LoadedMesh::concave, "Whether polygons of the file could not be cut into fans.");
 
     nb::class_<CurveSet>(m, "Curves", "Control points of curves.")
         .def(nb::new_(&make_curves), "points"_a, "segments"_a,
@@ -243,10 +246,11 @@ void bind_meshes(nb::module_ &m) {
         "runs the other way. Raises MeshError.");
     m.def(
         "load_ply",
-        [](const std::filesystem::path &path, bool flip_uvs) {
-            return from_file(read_ply(read_file(path).bytes()), flip_uvs);
+        [](const std::filesystem::path &path, bool flip_uvs, bool srgb_colors) {
+            return from_file(read_ply(read_file(path).bytes(), srgb_colors), flip_uvs);
         },
-        "path"_a, "flip_uvs"_a = false, "Reads a PLY file, text or binary. Raises MeshError.");
+        "path"_a, "flip_uvs"_a = false, "srgb_colors"_a = false,
+        "Reads a PLY file, text or binary; srgb_colors: integer colours are encoded. Raises MeshError.");
     m.def(
         "load_serialized",
         [](const std::filesystem::path &path, int index, bool flip_uvs) {

@@ -1,9 +1,9 @@
-"""Scene reader: text -> elements -> expand -> nodes -> upgrade -> resolve -> build.
+"""Scene reader: text -> elements -> expand -> nodes -> upgrade -> resolve -> spread -> build.
 
 `elements` parses XML and keeps places; `expand` fills in parameters and includes; `typed` gives every value
-its type; `upgrade` turns old files into the words of Mitsuba 3; `resolve` follows references; `build`,
-`plugins` and `assemble` make the description that `_core.Scene` takes. A Python dict enters where nodes begin
-(`dict_reader`). The way out leaves after resolve: `mitsuba3` -> `write`.
+its type; `upgrade` turns old files into the words of Mitsuba 3; `resolve` follows references; `cameras` takes
+batches apart; `build`, `plugins` and `assemble` make the description that `_core.Scene` takes. A Python dict
+enters where nodes begin (`dict_reader`). The way out leaves before build: `mitsuba3` -> `write`.
 """
 
 from __future__ import annotations

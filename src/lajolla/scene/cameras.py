@@ -41,6 +41,9 @@ def _without_batches(sensor: Node, diagnostics: Diagnostics) -> Iterator[Node]:
         kind = prop.value.kind if isinstance(prop.value, Node) else ""
         if kind not in ("sensor", *INHERITED) and prop.name not in HARMLESS["sensor"]:
             diagnostics.unknown(f'{sensor} has no use for the property "{prop.name}"', prop.name_location)
+    for _, film in sensor.children("film"):
+        if any(prop.name.startswith("crop_") for prop in film.properties):
+            diagnostics.unknown(f"the window of the {film} of {sensor} is left out", film.location)
     for child in inner:
         yield from _without_batches(_in_batch(sensor, child, len(inner)), diagnostics)
 
@@ -63,7 +66,8 @@ def _share_of_film(film: Node, count: int) -> Node:
     width = getattr(film.find("width"), "value", DEFAULT_WIDTH)
     share = max(1, int(width) // count) if isinstance(width, int | float) else width
     place = film.property_location("width")
-    properties = [*film.without(["width"]), Property("width", share, place, place)]
+    kept = [p for p in film.without(["width"]) if not p.name.startswith("crop_")]
+    properties = [*kept, Property("width", share, place, place)]
     return Node("film", film.plugin, film.location, film.plugin_location, "", properties)
 
 

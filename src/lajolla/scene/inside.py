@@ -18,7 +18,7 @@ def is_inside(shape: dict[str, Any], point: Array) -> bool:
     if shape["type"] == "sphere":
         centre, radius = shape.get("center", (0.0, 0.0, 0.0)), shape.get("radius", 1.0)
         return bool(np.linalg.norm(local - centre) < radius)
-    if shape["type"] != "mesh":
+    if "mesh" not in shape:
         return False
     mesh = shape["mesh"]
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)

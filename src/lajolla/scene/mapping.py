@@ -15,7 +15,7 @@ def warn_of_missing_coordinates(builder: Builder) -> None:
     """Tells of every shape that has none, although a texture on it needs them."""
     needing: dict[int, bool] = {}  # materials
     for i, shape in enumerate(builder.shapes):
-        if shape["type"] != "sdfgrid" and not (shape["type"] == "mesh" and shape["mesh"].uvs is None):
+        if shape["type"] != "sdfgrid" and not ("mesh" in shape and shape["mesh"].uvs is None):
             continue
         material, emitter = shape["material"], shape.get("emitter", BLACK)
         if material not in needing:

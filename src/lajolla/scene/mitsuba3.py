@@ -42,7 +42,7 @@ from .ply_bytes import ply_bytes
 from .schema import Field, Part, Plugin
 
 # Properties of ours that only say how to find what is written already.
-OBJ_ONLY = ("collapse", "load_materials", "max_smooth_angle")
+READING = ("collapse", "load_materials", "max_smooth_angle", "srgb")
 ENVIRONMENTS = ("constant", "envmap", "sunsky")
 # Kinds of children of which one counts; of bsdfs in pairs two.
 COUNTED = {"scene": ("integrator",), "sensor": ("film", "sampler", "medium"), "film": ("rfilter",)}
@@ -269,7 +269,7 @@ class Translator:
             return [self._packed(having_bsdf(result, self._part_bsdf(part)), part.entry) for part in entry]
         if plugin.name in HAS["shape"].split() and not self._must_pack(result, entry):
             return [
-                Node(node.kind, plugin.name, node.location, node.location, node.id, result.without(OBJ_ONLY))
+                Node(node.kind, plugin.name, node.location, node.location, node.id, result.without(READING))
             ]
         if entry["type"] == "mesh":
             return [self._packed(result, entry)]
@@ -291,7 +291,8 @@ class Translator:
             if self.pack or indexed or node.find("max_smooth_angle") is not None:
                 return True
             path = self.folder / str(getattr(node.find("filename"), "value", ""))
-            return not reads_alike(path, node.plugin, len(entry["mesh"].faces))
+            mesh = entry["mesh"]
+            return mesh.concave or not reads_alike(path, node.plugin, len(mesh.faces))
         return node.plugin in ("sphere", "cylinder") and entry["type"] == "mesh"
 
 

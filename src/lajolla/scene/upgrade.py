@@ -65,11 +65,13 @@ def upgrade(
 
 def _correct_names(node: Node, plugins: Iterable[Plugin], diagnostics: Diagnostics) -> None:
     """Names of before 2.0 in a newer file, where the plugin, or any for an unknown one, has them today."""
+    old = [(prop, name) for prop in node.properties if (name := snake_case(prop.name)) != prop.name]
+    if not old:
+        return
     fields = {field.name for plugin in plugins for field in plugin.fields}
     harmless = set(HARMLESS.get(node.kind, ()))
-    for prop in node.properties:
-        name = snake_case(prop.name)
-        if prop.name in fields or name == prop.name or node.find(name) is not None:
+    for prop, name in old:
+        if prop.name in fields or node.find(name) is not None:
             continue
         if name in fields:
             message = f'"{prop.name}" of {node} is the name of before version 2 of "{name}", which is used'
@@ -141,3 +143,5 @@ def _write_defaults(node: Node) -> None:
                 prop.value = snake_case(prop.value)
     elif node.kind == "shape" and node.plugin == "obj":
         node.set_default("load_materials", True)
+    elif node.kind == "shape" and node.plugin == "ply":
+        node.set_default("srgb", True)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..build import Builder
 
 Entry = dict[str, Any]
-LOADING = ("flip_tex_coords", "max_smooth_angle", "shape_index")
+LOADING = ("flip_tex_coords", "max_smooth_angle", "shape_index", "srgb")
 
 
 def _file_shape(loader: str) -> Callable[[Builder, Node, Entry], Entry | list[Part]]:
@@ -55,8 +55,9 @@ def _cached(builder: Builder, key: tuple[Any, ...], make: Callable[[], Content])
 def _load(builder: Builder, loader: str, path: Path, options: Entry, location: Location) -> Content:
     load = getattr(builder.core, loader)
     index = [options["shape_index"]] if "shape_index" in options else []
+    encoding = {"srgb_colors": options["srgb"]} if "srgb" in options else {}
     try:
-        mesh = load(str(path), *index, flip_uvs=options["flip_tex_coords"])
+        mesh = load(str(path), *index, flip_uvs=options["flip_tex_coords"], **encoding)
     except builder.core.MeshError as problem:
         raise SceneError(f'"{path}": {problem}', location) from None
     return mesh.with_smooth_normals(options["max_smooth_angle"]) if "max_smooth_angle" in options else mesh
@@ -141,6 +142,7 @@ SMOOTH = Field(
     180.0,
     "degrees",
 )
+SRGB = Field("srgb", "boolean", "integers that are colours are encoded (on before version 2)", False)
 INDEX = Field("shape_index", "integer", "which mesh of the file", 0, 0, 2**31 - 1)
 OBJ = (
     Field(
@@ -167,6 +169,6 @@ def _file_plugin(name: str, doc: str, flip: bool, *fields: Field) -> Plugin:
 
 PLUGINS = (
     _file_plugin("obj", "Triangles from a Wavefront OBJ file.", True, *OBJ),
-    _file_plugin("ply", "Triangles from a PLY file, ascii or binary.", False),
+    _file_plugin("ply", "Triangles from a PLY file, ascii or binary.", False, SRGB),
     _file_plugin("serialized", "Triangles from Mitsuba's compressed format.", False, INDEX),
 )
