@@ -10,7 +10,7 @@ from itertools import pairwise
 from .errors import Location, SceneError
 from .nodes import Blackbody, Rgb, Spectrum
 
-NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?f?", re.ASCII)
+NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?f?", re.ASCII)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
         path, location = builder.find(node)
         key = ("texture", path.resolve(), raw, gamma, channel)
         if key not in builder.files:
+            builder.reading(path, location)
             builder.files[key] = _load(builder, path, location, raw or gamma == 1, gamma, channel)
         image = builder.files[key]
     return {"type": "bitmap", "image": image, **values}
