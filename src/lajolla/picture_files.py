@@ -35,19 +35,19 @@ def opened(path: Path) -> Iterator[Any]:
         if source is None:
             raise PictureError(reason(oiio))
         try:
-            _check_size(source.spec(), path.stat().st_size)
+            spec = source.spec()
+            depth = max(spec.depth, 1) * spec.nchannels * max(spec.format.size(), 1)
+            check_size(path, spec.width, spec.height, depth)
             yield source
         finally:
             source.close()
 
 
-def _check_size(spec: Any, size: int) -> None:  # noqa: ANN401
-    needed = spec.width * spec.height * max(spec.depth, 1) * spec.nchannels * max(spec.format.size(), 1)
-    if needed > MAX_SMALL + MAX_RATIO * size:
-        raise PictureError(
-            f"{spec.width} x {spec.height} pixels of {spec.nchannels} channels are too many for a file of "
-            f"{size:,} bytes"
-        )
+def check_size(path: Path, width: int, height: int, pixel: int) -> None:
+    """Raises PictureError where a picture of pixels of so many bytes is too large for its file."""
+    size = path.stat().st_size
+    if width * height * pixel > MAX_SMALL + MAX_RATIO * size:
+        raise PictureError(f"{width} x {height} pixels are too many for a file of {size:,} bytes")
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from lajolla.render import OptionError, Scene
 from lajolla.scene import SceneError
 from lajolla.scene.files import file_bytes
 
-INCLUDE = re.compile(rb"""<include\s[^>]*filename\s*=\s*["']([^"']*)""")
+INCLUDE = re.compile(rb"""<include\s[^<>]*filename\s*=\s*["']([^"']*)""")
 PARAMETER = re.compile(r"\$\w+")
 CAMERA = re.compile(rb"<(sensor|camera)\s")
 CONTENT = re.compile(rb"<(shape|include)\s")

@@ -37,6 +37,7 @@ from .substitutes import DROPPED, NESTED, in_words_of_substitute, misspelt, subs
 # Objects that a scene can do without: one whose file is missing is left out.
 DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
 
+MOST_WAYS = 32  # in which one file is read
 MOST_LOOKUPS = 1024  # that one texture may take
 
 # Lists of the description whose entries other entries name by index.
@@ -125,6 +126,7 @@ class Builder:
     indices: dict[str, int] = field(default_factory=dict)  # of bsdfs and adapters by what they are
     slots: dict[Slot, int] = field(default_factory=dict)
     places: dict[str, Location] = field(default_factory=dict)  # of entries: "shapes[3]"
+    ways: dict[Path, int] = field(default_factory=dict)  # in which files are read
     files: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # meshes and images are read once
 
     # Files
@@ -143,6 +145,16 @@ class Builder:
         if prop is None or not isinstance(prop.value, str):
             raise SceneError(f'{node} needs the string "{name}"', node.location)
         return find_file(prop.value, self.directories(prop.location), prop.location), prop.location
+
+    def reading(self, path: Path, location: Location) -> None:
+        """Counts in how many ways a file is read, of which each takes memory.
+
+        Raises:
+            SceneError: they are too many.
+        """
+        self.ways[path] = self.ways.get(path, 0) + 1
+        if self.ways[path] > MOST_WAYS:
+            raise SceneError(f'"{path}" is read in more than {MOST_WAYS} ways', location)
 
     # Plugins
 

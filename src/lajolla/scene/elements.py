@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import re
 import xml.parsers.expat
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,15 +23,26 @@ class Element:
     attributes: dict[str, str]
     location: Location
     children: list[Element] = field(default_factory=list)
+    places: dict[bytes, int] = field(default_factory=dict)  # of attributes, once they are asked for
 
     def at(self, attribute: str) -> Location:
         """The place of an attribute's value; that of the element when the attribute is absent."""
-        data, start = self.location.source.data, self.location.offset
-        in_tag = (
-            rb"""\A<(?:[^>"']|"[^"]*"|'[^']*')*?\s""" + re.escape(attribute.encode()) + rb"""\s*=\s*["']"""
-        )
-        found = re.match(in_tag, data[start : start + 4096])
-        return Location(self.location.source, start + found.end()) if found else self.location
+        if not self.places:
+            self.places = dict(_attribute_places(self.location.source.data, self.location.offset))
+        offset = self.places.get(attribute.encode())
+        return Location(self.location.source, offset) if offset else self.location
+
+
+# An attribute with its value in quotes, or the end of a tag.
+IN_TAG = re.compile(rb"""(?<=\s)([^\s"'=<>]+)\s*=\s*("[^"]*"|'[^']*')|>""")
+
+
+def _attribute_places(data: bytes, start: int) -> Iterator[tuple[bytes, int]]:
+    """The attributes of the tag that starts there, each with the place of its value."""
+    for found in IN_TAG.finditer(data, start):
+        if not found.group(1):
+            return
+        yield found.group(1), found.start(2) + 1
 
 
 def read_source(path: Path, name: str, diagnostics: Diagnostics) -> Source:

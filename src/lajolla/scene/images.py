@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lajolla.picture_files import PictureError, channel_names, opened, reason
+from lajolla.picture_files import PictureError, channel_names, check_size, opened, reason
 
 from .errors import Location, SceneError
 
@@ -17,13 +17,14 @@ CHANNEL_SETS = (("R", "G", "B"), ("Y",))  # the first of these that a file has i
 STORED = {"uint8": "uint8", "half": "half"}  # anything else is read as float32
 
 
-def read_pixels(path: Path, location: Location, channel: str = "") -> Pixels:
+def read_pixels(path: Path, location: Location, channel: str = "", *, pixel: int = 0) -> Pixels:
     """Reads a picture; colours as encoded in the file, alpha dropped and not multiplied in.
 
     Args:
         path: an image file of any format that OpenImageIO knows.
         location: what to blame in the scene.
         channel: the name of one channel ("r", "a", ...) to read alone.
+        pixel: bytes that a pixel will take, where that is more than in the file.
 
     Returns:
         (height, width, 1 or 3): uint8, float16 or float32, top row first. Integers of 16 bits and more become
@@ -35,6 +36,7 @@ def read_pixels(path: Path, location: Location, channel: str = "") -> Pixels:
     try:
         with opened(path) as source:
             spec = source.spec()
+            check_size(path, spec.width, spec.height, pixel)
             if spec.get_string_attribute("jpeg:ColorSpace") in ("CMYK", "YCbCrK"):
                 raise PictureError("its colours are CMYK; convert it to RGB")
             wanted = _channels(channel_names(spec), channel)

@@ -10,7 +10,7 @@ from itertools import pairwise
 from .errors import Location, SceneError
 from .nodes import Blackbody, Rgb, Spectrum
 
-NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?f?", re.ASCII)
+NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?f?", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def parse_spectrum(text: Text) -> Spectrum | Rgb:
         return Spectrum((values[0],)) if len(values) == 1 else Rgb((values[0], values[1], values[2]))
     pairs = [
         Text(t, text.location)
-        for t in re.split(r"[\s,]+", re.sub(r"\s*:\s*", ":", text.text).strip(" \t\r\n,"))
+        for t in re.split(r"[\s,]+", re.sub(r" ?: ?", ":", " ".join(text.text.split())).strip(" ,"))
     ]
     split = [pair.text.split(":") for pair in pairs]
     for pair, parts in zip(pairs, split, strict=True):
@@ -121,7 +121,9 @@ def checked_spectrum(
 
 def parse_blackbody(temperature: Text, scale: Text | None) -> Blackbody:
     """A temperature with an optional `k`, and a scale."""
-    kelvin = parse_float(Text(re.sub(r"\s*[kK]\s*$", "", temperature.text), temperature.location))
+    number = temperature.text.strip()
+    number = number[:-1] if number.endswith(("k", "K")) else number
+    kelvin = parse_float(Text(number, temperature.location))
     if kelvin <= 0:
         raise temperature.fail("a temperature above zero")
     return Blackbody(kelvin, 1.0 if scale is None else parse_float(scale))

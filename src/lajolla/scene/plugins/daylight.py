@@ -16,6 +16,7 @@ from ..sky import SUN_DIAMETER, Moment, hosek_sun, luminance, preetham_sun, sky_
 if TYPE_CHECKING:
     from ..build import Builder
 
+MOST_SKIES = 16  # each is a picture
 Entries = list[dict[str, Any]]
 
 # From an environment map's space, where +y is up, to that of a sky with +z up.
@@ -25,7 +26,7 @@ MOMENT = tuple(field.name for field in fields(Moment))
 
 def _sky(builder: Builder, node: Node, values: dict[str, Any]) -> Entries:
     to_world, sun = _place(builder, node, values)
-    return [] if sun is None else _sky_light(builder, values, to_world, sun, values.get("scale", 1.0))
+    return [] if sun is None else _sky_light(builder, node, values, to_world, sun, values.get("scale", 1.0))
 
 
 def _sun(builder: Builder, node: Node, values: dict[str, Any]) -> Entries:
@@ -39,7 +40,7 @@ def _sun_and_sky(builder: Builder, node: Node, values: dict[str, Any]) -> Entrie
         return []
     scale = values.get("scale", 1.0)
     return [
-        *_sky_light(builder, values, to_world, sun, values.get("sky_scale", scale)),
+        *_sky_light(builder, node, values, to_world, sun, values.get("sky_scale", scale)),
         *_sun_light(values, to_world, sun, values.get("sun_scale", scale)),
     ]
 
@@ -71,10 +72,12 @@ def _place(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[Array,
 
 
 def _sky_light(
-    builder: Builder, values: dict[str, Any], to_world: Array, sun: Array, scale: float
+    builder: Builder, node: Node, values: dict[str, Any], to_world: Array, sun: Array, scale: float
 ) -> Entries:
     if scale == 0:
         return []
+    if sum(entry["type"] == "envmap" for entry in builder.emitters) >= MOST_SKIES:
+        raise SceneError(f"there are more than {MOST_SKIES} maps around the scene", node.location)
     pixels = sky_map(
         sun,
         values.get("turbidity", 3.0),
@@ -160,7 +163,7 @@ COMMON = (
 )
 SKY = (
     Field("albedo", "spectrum", "of the ground", 0.3, 0.0, 1.0),
-    Field("resolution", "integer", "width of the image of the sky", 512, 4, 8192, "pixels"),
+    Field("resolution", "integer", "width of the image of the sky", 512, 4, 2048, "pixels"),
     Field("extend", "boolean", "the sky goes on below the horizon", False),
 )
 SUN = (

@@ -22,7 +22,7 @@ def _envmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
     path, location = builder.find(node)
     key = ("envmap", path.resolve())
     if key not in builder.files:
-        pixels = read_pixels(path, location)
+        pixels = read_pixels(path, location, pixel=FLOAT_RGB)
         pixels = decode(pixels) if is_integer_file(path) else pixels.astype(np.float32)
         if not np.all(np.isfinite(pixels)) or np.any(pixels < 0):
             builder.diagnostics.warn(
@@ -74,6 +74,8 @@ def _collimated(builder: Builder, node: Node, values: dict[str, Any]) -> None:
         f"{node} is a beam without width, which no path finds; it is left out", node.location
     )
 
+
+FLOAT_RGB = 12  # bytes
 
 PLACE = Field("to_world", "transform", "placement, instead of the above")
 BEAM = (

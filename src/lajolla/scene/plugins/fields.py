@@ -17,6 +17,7 @@ from .volumes import load_voxels
 if TYPE_CHECKING:
     from ..build import Builder
 
+CELL = 24  # bytes of two triangles, which a pixel becomes
 LUMINANCE = (0.212671, 0.715160, 0.072169)
 
 
@@ -43,7 +44,7 @@ def _heightfield(builder: Builder, node: Node, values: dict[str, Any]) -> dict[s
 def _heights(builder: Builder, owner: Node) -> Array:
     path, location = builder.find(owner)
     raw = owner.find("raw")
-    pixels = read_pixels(path, location)
+    pixels = read_pixels(path, location, pixel=CELL)
     if is_integer_file(path) and not (raw and raw.value is True):
         pixels = decode(pixels)
     elif pixels.dtype == np.uint8:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import Any
 
 from ..errors import Location, SceneError
@@ -30,7 +29,7 @@ def field_of_view(node: Node, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _millimeters(value: object, location: Location) -> float:
-    text = Text(re.sub(r"\s*mm\s*$", "", str(value)), location)
+    text = Text(str(value).strip().removesuffix("mm"), location)
     length = parse_float(text)
     if length <= 0:
         raise text.fail("a length above zero")

@@ -28,6 +28,7 @@ def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
         path, location = builder.find(node)
         key = ("texture", path.resolve(), raw, gamma, channel)
         if key not in builder.files:
+            builder.reading(path, location)
             pixels = read_pixels(path, location, channel)
             builder.files[key] = _image(builder, pixels, gamma, encoded=encoded and is_integer_file(path))
         image = builder.files[key]

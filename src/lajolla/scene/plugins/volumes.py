@@ -69,6 +69,7 @@ def load_voxels(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[V
     path, location = builder.find(node)
     key = ("volume", path.resolve(), grid_name)
     if key not in builder.files:
+        builder.reading(path, location)
         try:
             builder.files[key] = read_voxels(path, grid_name)
         except VoxelError as problem:
