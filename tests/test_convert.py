@@ -206,6 +206,7 @@ def test_groups_within_groups_and_their_lights(tmp_path: Path) -> None:
 
 
 TEXTURE = '<texture type="checkerboard"/>'
+SMALL = '<integer name="width" value="8"/><integer name="height" value="8"/>'
 REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is told of it
     "aperture": ('<sensor type="thinlens"><film type="hdrfilm"/></sensor>', ""),
     "two bsdfs": (CAMERA + SPHERE % (RED + '<bsdf type="dielectric"/>'), "only this one counts"),
@@ -390,6 +391,26 @@ def test_an_orthographic_camera_keeps_its_size(tmp_path: Path) -> None:
         for name in ("scene.xml", "new.xml")
     ]
     assert np.allclose(sizes, [[3, 2, 1]] * 2)
+
+
+@pytest.mark.parametrize("raw", [False, True])
+@pytest.mark.parametrize("channel", ["", "g", "a"])
+def test_channels_of_pictures_stay_what_they_are(channel: str, raw: bool, tmp_path: Path) -> None:
+    import OpenImageIO as oiio
+
+    pixels = np.random.default_rng(0).integers(0, 255, (4, 4, 4), np.uint8)
+    assert oiio.ImageBuf(pixels).write(str(tmp_path / "a.png"))
+    chosen = f'<string name="channel" value="{channel}"/>' if channel else ""
+    texture = f"""<texture type="bitmap" name="reflectance"><string name="filename" value="a.png"/>{chosen}
+        <boolean name="raw" value="{str(raw).lower()}"/></texture>"""
+    view = CAMERA.replace("/></sensor>", f">{SMALL}</film></sensor>").replace("perspective", "orthographic")
+    view = view.replace(
+        "<film", '<transform name="to_world"><lookat origin="0,0,3" target="0,0,0"/></transform><film'
+    )
+    light = '<emitter type="constant"/>'
+    converted(f'{view}{light}<shape type="rectangle"><bsdf type="diffuse">{texture}</bsdf></shape>', tmp_path)
+    pictures = [load(tmp_path / name).render(spp=16, seed=1).array for name in ("scene.xml", "new.xml")]
+    assert pictures[0].max() > 0 and np.allclose(*pictures, atol=1e-3)
 
 
 PLY = """ply

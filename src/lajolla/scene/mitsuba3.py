@@ -234,8 +234,7 @@ class Translator:
         path = self.copied.get(written, self.folder / written)
         pixels = read_pixels(path, node.property_location("filename"), channel)
         name = f"{self.stem}-files/{len(self.packed)}.exr"
-        encoded = is_integer_file(path) and not is_alpha(channel)
-        linear = decode(pixels, gamma) if encoded else pixels
+        linear = decode(pixels, 1.0 if is_alpha(channel) else gamma) if is_integer_file(path) else pixels
         self.packed[name] = np.broadcast_to(linear, (*linear.shape[:2], 3))
         return name
 

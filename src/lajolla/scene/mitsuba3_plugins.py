@@ -237,6 +237,7 @@ def _bitmap(translator: Translator, read: Node, node: Node) -> Node:
         getattr(node.find(name), "value", other) for name, other in (("gamma", -1.0), ("channel", ""))
     )
     result.properties = result.without(("gamma", "channel", "max_anisotropy"))
+    gamma = 1.0 if getattr(node.find("raw"), "value", False) else gamma
     if channel or (gamma > 0 and gamma != 1):
         return having(result, raw=False, filename=translator.linear_image(node, gamma, channel))
     return having(result, raw=True) if gamma == 1 else result
