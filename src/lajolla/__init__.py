@@ -7,10 +7,12 @@ image = scene.render(seed=1)
 image.save("scene.exr")
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
+TYPE_CHECKING = False  # as in `typing`, which takes long to load: an interrupt may come before it is heard
 if TYPE_CHECKING:
+    from typing import Any
+
     from lajolla import _core as _core
     from lajolla import catalog as catalog
     from lajolla import film as film
@@ -45,6 +47,8 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401
+    from importlib import import_module
+
     if name in _MODULES:
         return import_module(f"lajolla.{name}")
     if name in _HOMES:
