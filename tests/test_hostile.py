@@ -201,6 +201,12 @@ def test_large_arrays_are_looked_at_by_their_shape(monkeypatch: pytest.MonkeyPat
 def test_secrets_in_the_scene_itself(tmp_path: Path) -> None:
     (tmp_path / "scene.xml").write_text(SECRET)
     assert "root" not in error(tmp_path / "scene.xml")
+    for other in ("<config><password>salt</password></config>", "<config><password>salt</password>"):
+        (tmp_path / "scene.xml").write_text(other)
+        told = error(tmp_path / "scene.xml")
+        (tmp_path / "other.xml").write_text(other)
+        told += error_of(tmp_path, '<include filename="other.xml"/>')
+        assert "salt" not in told
     with pytest.raises(SceneError, match="not valid XML") as caught:
         load_description(write_scene(tmp_path, "<shape"))
     assert "</scene>" in str(caught.value)  # it is a scene as far as it goes
