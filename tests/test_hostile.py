@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -196,6 +197,14 @@ def test_large_arrays_are_looked_at_by_their_shape(monkeypatch: pytest.MonkeyPat
     scene = {"type": "scene", "ball": {"type": "sphere", "girth": large, "to_world": large}}
     with pytest.raises(SceneError, match="expects a transform"):
         lajolla.load_dict(scene)
+
+
+def test_dicts_that_hold_the_same_dict_twice() -> None:
+    shape: dict[str, Any] = {"type": "sphere"}
+    for _ in range(40):
+        shape = {"type": "merge", "a": shape, "b": shape}
+    with pytest.raises(SceneError, match="more than 16,384 objects"):
+        lajolla.load_dict({"type": "scene", "shapes": shape})
 
 
 def test_secrets_in_the_scene_itself(tmp_path: Path) -> None:
