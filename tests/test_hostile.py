@@ -239,3 +239,17 @@ def test_long_texts_are_read_in_one_go(name: str, tmp_path: Path) -> None:
     result = answer(write_scene(tmp_path, f'<shape type="sphere">{SLOW_TEXTS[name]}</shape>'))
     assert result.error or result.warnings
     assert result.seconds < SECONDS
+
+
+@pytest.mark.parametrize(
+    "value", [np.zeros((1000, 1000, 3), np.uint8), np.zeros((1000, 3)), np.zeros((10**6, 2)), object()]
+)
+def test_spectra_that_are_none(value: object) -> None:
+    spectrum = {"type": "spectrum", "value": value}
+    with pytest.raises(SceneError, match='needs a "value"'):
+        lajolla.load_dict({"type": "scene", "light": {"type": "constant", "radiance": spectrum}})
+
+
+def test_a_scene_whose_type_is_no_text() -> None:
+    with pytest.raises(SceneError, match="the dict must have"):
+        lajolla.load_dict({"type": np.zeros(3)})

@@ -22,6 +22,7 @@ from .typed import Tree
 # A dict inside several others is an object in each: so many may come of it, and so many more for each dict.
 MOST_REPEATED = 1 << 14
 MOST_MEETINGS = 64
+MOST_SAMPLES = 1 << 16  # of a spectrum
 LOSSY = ("roughconductor", "roughdielectric", "roughplastic")  # where microfacets shadow each other
 
 
@@ -36,7 +37,8 @@ def nodes_from_dict(
     """
     source = Source("scene", b"", base_path, LATEST)
     reader = _DictReader(source, table)
-    if not isinstance(scene, Mapping) or scene.get("type") != "scene":
+    kind = scene.get("type") if isinstance(scene, Mapping) else None
+    if not isinstance(kind, str) or kind != "scene":
         raise SceneError('the dict must have {"type": "scene"}', Location(source))
     root = Node("scene", "scene", Location(source), Location(source))
     reader.tree = Tree(root, nodes=[root])
@@ -187,6 +189,8 @@ def _spectrum(entry: Mapping[str, Any], location: Location) -> Value:
     try:
         if isinstance(value, int | float) and not isinstance(value, bool):
             return Spectrum((float(value),))
+        if np.shape(value)[1:] not in ((), (2,)) or len(value) > MOST_SAMPLES:
+            raise ValueError
         samples = np.asarray(value, dtype=np.float64)
         wavelengths = samples[:, 0] if "wavelengths" not in entry else np.asarray(entry["wavelengths"], float)
         values = samples[:, 1] if "wavelengths" not in entry else samples
