@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -198,9 +199,23 @@ def test_large_arrays_are_looked_at_by_their_shape(monkeypatch: pytest.MonkeyPat
         lajolla.load_dict(scene)
 
 
+def test_dicts_that_hold_the_same_dict_twice() -> None:
+    shape: dict[str, Any] = {"type": "sphere"}
+    for _ in range(40):
+        shape = {"type": "merge", "a": shape, "b": shape}
+    with pytest.raises(SceneError, match="more than 16,384 objects"):
+        lajolla.load_dict({"type": "scene", "shapes": shape})
+
+
 def test_secrets_in_the_scene_itself(tmp_path: Path) -> None:
     (tmp_path / "scene.xml").write_text(SECRET)
     assert "root" not in error(tmp_path / "scene.xml")
+    for other in ("<config><password>salt</password></config>", "<config><password>salt</password>"):
+        (tmp_path / "scene.xml").write_text(other)
+        told = error(tmp_path / "scene.xml")
+        (tmp_path / "other.xml").write_text(other)
+        told += error_of(tmp_path, '<include filename="other.xml"/>')
+        assert "salt" not in told
     with pytest.raises(SceneError, match="not valid XML") as caught:
         load_description(write_scene(tmp_path, "<shape"))
     assert "</scene>" in str(caught.value)  # it is a scene as far as it goes
@@ -224,3 +239,17 @@ def test_long_texts_are_read_in_one_go(name: str, tmp_path: Path) -> None:
     result = answer(write_scene(tmp_path, f'<shape type="sphere">{SLOW_TEXTS[name]}</shape>'))
     assert result.error or result.warnings
     assert result.seconds < SECONDS
+
+
+@pytest.mark.parametrize(
+    "value", [np.zeros((1000, 1000, 3), np.uint8), np.zeros((1000, 3)), np.zeros((10**6, 2)), object()]
+)
+def test_spectra_that_are_none(value: object) -> None:
+    spectrum = {"type": "spectrum", "value": value}
+    with pytest.raises(SceneError, match='needs a "value"'):
+        lajolla.load_dict({"type": "scene", "light": {"type": "constant", "radiance": spectrum}})
+
+
+def test_a_scene_whose_type_is_no_text() -> None:
+    with pytest.raises(SceneError, match="the dict must have"):
+        lajolla.load_dict({"type": np.zeros(3)})

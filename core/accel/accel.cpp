@@ -1,6 +1,7 @@
 #include "accel/accel.h"
 
 #include <cstring>
+#include <new>
 #include <stdexcept>
 #include <type_traits>
 
@@ -219,13 +220,19 @@ std::vector<Accel::LooseSphere> Accel::few_spheres(std::span<const Shape> shapes
     return result;
 }
 
+static void refuse_lack_of_memory(RTCError error) {
+    if (error == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
+}
+
 struct Accel::Embree {
     RTCDevice device;
     RTCScene scene;
     std::vector<RTCScene> groups;
 
     Embree() : device(rtcNewDevice(nullptr)), scene(device ? rtcNewScene(device) : nullptr) {
-        if (!scene) throw std::runtime_error("Embree could not start");
+        if (scene) return;
+        refuse_lack_of_memory(rtcGetDeviceError(device)); // of this thread where there is no device
+        throw std::runtime_error("Embree could not start");
     }
     Embree(const Embree &) = delete;
     Embree &operator=(const Embree &) = delete;
@@ -283,8 +290,10 @@ Accel::Accel(std::span<const Shape> shapes, std::span<const Group> groups,
         group_of_instance_.push_back(static_cast<std::uint32_t>(instance.group));
     }
     rtcCommitScene(embree->scene);
-    if (const RTCError error = rtcGetDeviceError(embree->device); error != RTC_ERROR_NONE)
+    if (const RTCError error = rtcGetDeviceError(embree->device); error != RTC_ERROR_NONE) {
+        refuse_lack_of_memory(error);
         throw std::runtime_error("Embree could not build the scene (error " + std::to_string(error) + ")");
+    }
     scene_ = embree->scene;
     embree_ = std::move(embree);
 }

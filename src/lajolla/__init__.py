@@ -7,13 +7,14 @@ image = scene.render(seed=1)
 image.save("scene.exr")
 """
 
-from contextlib import suppress
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
 from lajolla import processor
 
+TYPE_CHECKING = False  # as in `typing`, which takes long to load: an interrupt may come before it is heard
 if TYPE_CHECKING:
+    from typing import Any
+
     from lajolla import _core as _core
     from lajolla import catalog as catalog
     from lajolla import film as film
@@ -46,11 +47,15 @@ _HOMES = {
     "SceneError": "scene",
 }
 
-with suppress(processor.LevelError):  # who asks for the core is told, not who asks for help
+try:
     __path__ += processor.core_folders(__path__)
+except processor.LevelError:
+    pass  # who asks for the core is told, not who asks for help
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401
+    from importlib import import_module
+
     if name == "_core":
         processor.core_folders(__path__)  # raises LevelError where no build can be used
     if name in _MODULES:

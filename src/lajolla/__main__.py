@@ -1,8 +1,13 @@
 """`python -m lajolla`, and the program `lajolla`: the command line."""
 
+import os
 import sys
 
-from lajolla import interrupts
+try:
+    from lajolla import interrupts
+except KeyboardInterrupt:  # before there was anything to hear it
+    os.write(2, b"lajolla: interrupted; nothing was written\n")
+    os._exit(130)
 
 
 def main() -> int:

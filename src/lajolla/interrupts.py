@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from types import FrameType
-from typing import Any, NoReturn
+
+TYPE_CHECKING = False  # as in `lajolla`
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from types import FrameType
+    from typing import Any, NoReturn
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -70,6 +72,7 @@ class Patience:
 
     def save(self, action: Callable[..., Any], *arguments: Any) -> None:  # noqa: ANN401
         """Does it in another thread: a library may not return for long, and this one hears signals."""
+        import threading
         from concurrent.futures import Future
 
         self.saving = True

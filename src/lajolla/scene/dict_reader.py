@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,10 @@ from .schema import Content, Plugin
 from .substitutes import SUBSTITUTES
 from .typed import Tree
 
+# A dict inside several others is an object in each: so many may come of it, and so many more for each dict.
+MOST_REPEATED = 1 << 14
+MOST_MEETINGS = 64
+MOST_SAMPLES = 1 << 16  # of a spectrum
 LOSSY = ("roughconductor", "roughdielectric", "roughplastic")  # where microfacets shadow each other
 
 
@@ -33,7 +37,8 @@ def nodes_from_dict(
     """
     source = Source("scene", b"", base_path, LATEST)
     reader = _DictReader(source, table)
-    if not isinstance(scene, Mapping) or scene.get("type") != "scene":
+    kind = scene.get("type") if isinstance(scene, Mapping) else None
+    if not isinstance(kind, str) or kind != "scene":
         raise SceneError('the dict must have {"type": "scene"}', Location(source))
     root = Node("scene", "scene", Location(source), Location(source))
     reader.tree = Tree(root, nodes=[root])
@@ -66,6 +71,8 @@ class _DictReader:
     source: Source
     table: Mapping[str, Mapping[str, Plugin]]
     tree: Tree | None = None
+    met: set[int] = field(default_factory=set)  # dicts that are there, however often they are met
+    meetings: int = 0
 
     def properties(self, entries: Mapping[str, Any], node: Node, path: list[str]) -> None:
         """Adds a dict's entries to its node."""
@@ -103,6 +110,10 @@ class _DictReader:
     def typed(self, entry: Mapping[str, Any], path: list[str]) -> Value:
         """A colour, a reference, or an object, by its "type"."""
         location = self.at(path)
+        self.met.add(id(entry))
+        self.meetings += 1
+        if self.meetings > MOST_REPEATED + MOST_MEETINGS * len(self.met):
+            raise SceneError(f"the same dicts make more than {MOST_REPEATED:,} objects", location)
         kind_of_value = entry.get("type")
         if not isinstance(kind_of_value, str):
             raise SceneError('a dict needs a "type"', location)
@@ -178,6 +189,8 @@ def _spectrum(entry: Mapping[str, Any], location: Location) -> Value:
     try:
         if isinstance(value, int | float) and not isinstance(value, bool):
             return Spectrum((float(value),))
+        if np.shape(value)[1:] not in ((), (2,)) or len(value) > MOST_SAMPLES:
+            raise ValueError
         samples = np.asarray(value, dtype=np.float64)
         wavelengths = samples[:, 0] if "wavelengths" not in entry else np.asarray(entry["wavelengths"], float)
         values = samples[:, 1] if "wavelengths" not in entry else samples

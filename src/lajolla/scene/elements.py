@@ -11,7 +11,9 @@ from pathlib import Path
 
 from .errors import Diagnostics, Location, SceneError, Source
 from .files import file_bytes
+from .nodes import KINDS
 
+ROOTS = (*KINDS, "camera", "luminaire")  # elements with which files begin, those of old ones too
 MAX_DEPTH = 64  # real scenes nest less than ten deep
 
 
@@ -115,10 +117,12 @@ def parse_xml(source: Source) -> Element:
     parser.EndElementHandler = lambda _: open_elements.pop()
     parser.StartDoctypeDeclHandler = refuse_doctype
     try:
-        parser.Parse(source.data, True)
+        try:
+            parser.Parse(source.data, True)
+        finally:  # what is no scene may be anything
+            source.quoted &= bool(document.children) and document.children[0].tag in ROOTS
     except xml.parsers.expat.ExpatError as problem:
         reason = xml.parsers.expat.errors.messages.get(problem.code, "malformed")
         offset = min(max(0, parser.ErrorByteIndex), len(source.data))
-        source.quoted &= bool(document.children)  # else it may be anything
         raise SceneError(f"not valid XML: {reason}", Location(source, offset)) from None
     return document.children[0]
