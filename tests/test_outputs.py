@@ -111,6 +111,7 @@ SCENE = """<?xml version="1.0" encoding="latin-1"?>
         <bsdf type="diffuse"><spectrum name="reflectance" filename="caf\xe9.spd"/></bsdf>
     </shape>
     <shape type="cube">
+        <transform name="to_world"><translate z="5"/></transform>
         <medium name="interior" type="heterogeneous">
             <volume name="sigma_t" type="gridvolume"><string name="filename" value="caf\xe9.vol"/></volume>
         </medium>
@@ -125,7 +126,7 @@ def latin(tmp_path: Path) -> Path:
     folder.mkdir()
     image.write(folder / f"{NAME}.exr", PICTURE)
     image.write(folder / f"{NAME}.png", PICTURE)
-    (folder / f"{NAME}.obj").write_text("v 0 0 5\nv 1 0 5\nv 0 1 5\nf 1 2 3\n")
+    (folder / f"{NAME}.obj").write_text("v 0 0 5\nv 1 0 5\nv 0 1 5\nvt 0 0\nf 1/1 2/1 3/1\n")
     (folder / f"{NAME}.txt").write_text("0 0 5 1\n0 1 5 1\n")
     (folder / f"{NAME}.spd").write_text("400 0.5\n700 0.5\n")
     (folder / f"{NAME}.vol").write_bytes(vol_bytes(np.ones((2, 2, 2, 1), np.float32)))

@@ -9,6 +9,8 @@ image.save("scene.exr")
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from lajolla import processor
 
 TYPE_CHECKING = False  # as in `typing`, which takes long to load: an interrupt may come before it is heard
@@ -47,10 +49,8 @@ _HOMES = {
     "SceneError": "scene",
 }
 
-try:
+with suppress(processor.LevelError):  # who asks for the core is told, not who asks for help
     __path__ += processor.core_folders(__path__)
-except processor.LevelError:
-    pass  # who asks for the core is told, not who asks for help
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401

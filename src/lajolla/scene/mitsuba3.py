@@ -230,13 +230,17 @@ class Translator:
 
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
         """Packs a bitmap's pixels as linear floating-point numbers; the name of the file."""
-        written = str(getattr(node.find("filename"), "value", ""))
-        path = self.copied.get(written, self.folder / written)
-        pixels = read_pixels(path, node.property_location("filename"), channel)
+        pixels = read_pixels(self._file_of(node), node.property_location("filename"), channel)
         name = f"{self.stem}-files/{len(self.packed)}.exr"
-        linear = decode(pixels, 1.0 if is_alpha(channel) else gamma) if is_integer_file(path) else pixels
+        encoded = is_integer_file(self._file_of(node))
+        linear = decode(pixels, 1.0 if is_alpha(channel) else gamma) if encoded else pixels
         self.packed[name] = np.broadcast_to(linear, (*linear.shape[:2], 3))
         return name
+
+    def _file_of(self, node: Node) -> Path:
+        """The file that a translated object names: the one to read, where a copy is still to be written."""
+        written = str(getattr(node.find("filename"), "value", ""))
+        return self.copied.get(written, self.folder / written)
 
     # Shapes
 
@@ -289,9 +293,8 @@ class Translator:
             indexed = node.plugin == "obj" and node.find("shape_index") is not None
             if self.pack or indexed or node.find("max_smooth_angle") is not None:
                 return True
-            path = self.folder / str(getattr(node.find("filename"), "value", ""))
             mesh = entry["mesh"]
-            return mesh.concave or not reads_alike(path, node.plugin, len(mesh.faces))
+            return mesh.concave or not reads_alike(self._file_of(node), node.plugin, len(mesh.faces))
         return node.plugin in ("sphere", "cylinder") and entry["type"] == "mesh"
 
 
