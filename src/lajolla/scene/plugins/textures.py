@@ -36,6 +36,7 @@ def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
 def _load(builder: Builder, path: Path, location: Location, raw: bool, gamma: float, channel: str) -> Content:
     """An image of the core. Integers are sRGB-encoded, `raw`, or follow a power law where `gamma` > 0."""
     pixels = read_pixels(path, location, channel)
+    builder.unpacked(path, pixels.nbytes, location)
     encoded = not raw and is_integer_file(path)
     if pixels.dtype == np.uint8 and (raw or gamma <= 0):
         return builder.core.Image(pixels, srgb=encoded)
