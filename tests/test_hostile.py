@@ -15,6 +15,7 @@ from hostile_cases import answer
 from reader_tools import error, error_of, read, write_scene
 
 import lajolla
+from lajolla import image
 from lajolla.scene import SceneError, load_description
 
 SECONDS, MEMORY = 1.0, 200 * 10**6
@@ -253,3 +254,13 @@ def test_spectra_that_are_none(value: object) -> None:
 def test_a_scene_whose_type_is_no_text() -> None:
     with pytest.raises(SceneError, match="the dict must have"):
         lajolla.load_dict({"type": np.zeros(3)})
+
+
+def test_many_small_pictures_do_not_ask_for_all_memory(tmp_path: Path) -> None:
+    image.write_encoded(tmp_path / "0.png", np.zeros((4000, 4000, 3), np.uint8))
+    texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="{0}.png"/></texture>'
+    for i in range(1, 16):
+        (tmp_path / f"{i}.png").write_bytes((tmp_path / "0.png").read_bytes())
+    shape = f'<shape type="sphere"><bsdf type="diffuse">{texture}</bsdf></shape>'
+    told = error_of(tmp_path, "".join(shape.format(i) for i in range(1, 16)))
+    assert "small files of pictures take more than 512 MiB together" in told

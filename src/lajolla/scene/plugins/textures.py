@@ -30,6 +30,7 @@ def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
         if key not in builder.files:
             builder.reading(path, location)
             pixels = read_pixels(path, location, channel)
+            builder.unpacked(path, pixels.nbytes, location)
             builder.files[key] = _image(builder, pixels, gamma, encoded=encoded and is_integer_file(path))
         image = builder.files[key]
     return {"type": "bitmap", "image": image, **values}
