@@ -1,15 +1,18 @@
 """What signals, and streams that take nothing, do to a render: no picture is lost, no traceback is seen."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
-from lajolla import cli, image
+from lajolla import cli, display, image
+from lajolla.render import Progress
 
 SCENE = """<scene version="3.0.0">
     <integrator type="path"/>
@@ -82,12 +85,12 @@ def test_an_interrupted_start_is_one_line(module: str, number: signal.Signals) -
     assert result.stderr == "lajolla: interrupted; nothing was written\n"
 
 
-def interrupting(write: Callable[..., None]) -> Callable[..., None]:
-    """A way of writing files during which there is a signal."""
+def interrupting(action: Callable[..., None]) -> Callable[..., None]:
+    """An action during which there is a signal."""
 
     def interrupted(*arguments: object, **settings: object) -> None:
         os.kill(os.getpid(), signal.SIGINT)
-        write(*arguments, **settings)
+        action(*arguments, **settings)
 
     return interrupted
 
@@ -99,7 +102,34 @@ def test_saving_waits_for_the_picture(
     monkeypatch.setattr(image, "write", interrupting(image.write))
     assert cli.main("render room.xml -o a.exr --quiet".split()) == 130
     assert image.read("a.exr").mean() > 0
-    assert "once more ends at once" in capfd.readouterr().err
+    assert "lajolla: saving; press Ctrl-C again to quit without saving" in capfd.readouterr().err
+
+
+@pytest.mark.usefixtures("as_from_a_terminal")
+def test_a_signal_between_rendering_and_saving_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli.Patience, "save", interrupting(cli.Patience.save))
+    assert cli.main("render room.xml -o a.exr --quiet".split()) == 130
+    assert image.read("a.exr").mean() > 0
+
+
+@pytest.mark.usefixtures("as_from_a_terminal")
+def test_no_callback_can_drop_an_interrupt(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    @contextmanager
+    def progress_display(**settings: object) -> Iterator[display.Observer]:
+        def observe(progress: Progress) -> None:
+            if progress.samples >= 1:
+                with suppress(BaseException):
+                    os.kill(os.getpid(), signal.SIGINT)
+
+        yield observe
+
+    monkeypatch.setattr(cli, "progress_display", progress_display)
+    assert cli.main("render room.xml -o a.exr --spp 4096".split()) == 130
+    error = capfd.readouterr().err
+    samples = re.search(r"interrupted; wrote a.exr with (\d+) of 4096 samples per pixel\n$", error)
+    assert samples and 1 <= int(samples[1]) < 4096
 
 
 def test_who_does_not_wait_is_let_go() -> None:

@@ -115,9 +115,13 @@ def command_render(arguments: argparse.Namespace) -> int:
     if scene.core.channels and not any(output.suffix.lower() in holding for output in outputs):
         say(f"warning: only {' and '.join(holding)} files hold all channels of this scene")
     rendering = scene.rendering(threads=arguments.threads)
-    patience = Patience()
+    patience = Patience("the picture")
     with handled_by(patience):
-        _run(rendering, scene, quiet=arguments.quiet)
+        with (
+            suppress(Interrupt),
+            progress_display(pixels=scene.width * scene.height, quiet=arguments.quiet) as observe,
+        ):
+            rendering.run(patience.stopping(observe))
         if rendering.samples == 0 and patience.interrupt is not None:
             raise patience.interrupt
         patience.save(_save, outputs, scene, rendering, arguments)
@@ -128,15 +132,6 @@ def command_render(arguments: argparse.Namespace) -> int:
         if not arguments.quiet:
             say(f"wrote {names} ({_summary(scene, rendering)})")
     return 0
-
-
-def _run(rendering: lajolla.Rendering, scene: lajolla.Scene, *, quiet: bool) -> None:
-    """Renders to the end, or until an interrupt."""
-    with (
-        suppress(Interrupt),
-        progress_display(pixels=scene.width * scene.height, quiet=quiet) as observe,
-    ):
-        rendering.run(observe)
 
 
 def _save(
@@ -241,7 +236,7 @@ def command_convert(arguments: argparse.Namespace) -> int:
     )
     for warning in result.warnings:
         print(warning, file=sys.stderr)
-    patience = Patience()
+    patience = Patience("the scene")
     with handled_by(patience):
         patience.save(_write_export, target, result)
     count = len(result.files)
