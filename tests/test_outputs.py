@@ -87,6 +87,40 @@ with image.replacing(Path("a.npy")) as temporary:
     assert sorted(os.listdir()) == [".other.npy", "a.npy", "b.npy"]
 
 
+def left_by(process: object) -> Path:
+    """The name of a temporary file for a.npy that another process would have."""
+    with image.replacing(Path("a.npy")) as ours:
+        ours.write_text("")
+    return Path(ours.name.replace(str(os.getpid()), str(process), 1))
+
+
+def dead_process() -> int:
+    child = subprocess.Popen(["true"])
+    child.wait()
+    return child.pid
+
+
+def test_what_cannot_be_removed_does_not_matter() -> None:
+    left_by(dead_process()).mkdir()  # as another user's file in a folder like /tmp
+    left_by(10**30).touch()
+    left_by("x").touch()
+    image.write(Path("a.npy"), PICTURE)
+    assert Path("a.npy").stat().st_size > 0
+
+
+def test_process_ids_of_other_containers_mean_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = os.readlink
+    space = "/proc/self/ns/pid"
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr(os, "readlink", lambda path: "pid:[1]" if path == space else link(path))
+        theirs = left_by(dead_process())
+    theirs.write_text("being written")
+    ours = left_by(dead_process())
+    ours.write_text("abandoned")
+    image.write(Path("a.npy"), PICTURE)
+    assert theirs.exists() and not ours.exists()
+
+
 @pytest.mark.parametrize("ending", image.ENDINGS)
 def test_names_of_any_bytes(ending: str) -> None:
     os.mkdir(NAME)
