@@ -150,3 +150,25 @@ sys.exit(cli.main("render room.xml -o a.exr --quiet".split()))
     assert result.returncode == 143
     assert "interrupted; the picture may not be there" in result.stderr
     assert "Traceback" not in result.stderr
+
+
+def test_an_interrupt_in_the_second_sensor_does_not_deny_the_first() -> None:
+    code = """
+import os, signal, sys
+from lajolla import cli
+
+def load(arguments, load=cli.load):
+    if arguments.sensor == 1:
+        os.kill(os.getpid(), signal.SIGTERM)
+    return load(arguments)
+
+cli.load = load
+sys.exit(cli.main("render room.xml --all-sensors -o a.pfm --quiet".split()))
+"""
+    sensor = '<sensor type="perspective"/>'
+    Path("room.xml").write_text(SCENE.replace("<emitter", sensor + "<emitter"))
+    command = [sys.executable, "-c", code]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert result.returncode == 143
+    assert [path.name for path in Path().glob("*.pfm")] == ["a-0.pfm"]
+    assert "lajolla: interrupted; nothing was written of sensor 1 and those after it" in result.stderr

@@ -12,23 +12,30 @@ import os
 import resource
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
 import lajolla  # its modules are loaded when they are first used, which no --help does
-from lajolla.arguments import UsageError, for_each_sensor, parse, replay_command
+from lajolla.arguments import STREAMS, UsageError, for_each_sensor, parse, replay_command
 from lajolla.display import discard, progress_display, rate, safe_messages, say, size_in_memory
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Runs one command line (by default the process's own) and returns its exit code."""
-    with handled_by(end_at_once), safe_messages():
+    with safe_messages():
+        return _reported(lambda: _run_command(_parsed(sys.argv[1:] if words is None else words)))
+
+
+def _reported(action: Callable[[], int], missing: str = "nothing was written") -> int:
+    """Does it; an error is one message and exit code 1, and an interrupt says what is missing."""
+    with handled_by(partial(end_at_once, message=missing)):
         try:
-            return _run_command(_parsed(sys.argv[1:] if words is None else words))
+            return action()
         except UsageError as error:
             say(f"error: {error}")
         except MemoryError:
@@ -39,7 +46,7 @@ def main(words: Sequence[str] | None = None) -> int:
             say(f"error: {error}")
             discard(sys.stdout)
         except KeyboardInterrupt as interrupt:
-            say("interrupted; nothing was written")
+            say(f"interrupted; {missing}")
             return interrupt.exit_code if isinstance(interrupt, Interrupt) else 130
         except Exception as error:  # a fault of ours, or of a library: one line, as all else
             say(f"error: {type(error).__name__}: {next(iter(str(error).splitlines()), '')}")
@@ -94,11 +101,8 @@ def command_render(arguments: argparse.Namespace) -> int:
     if arguments.all_sensors:
         return _render_each_sensor(arguments)
     outputs = list(dict.fromkeys(arguments.outputs or []))
-    if arguments.pixel is None:  # what would fail after hours of rendering fails now
-        for output in outputs:
-            lajolla.image.check_output(output)
-        if arguments.stats is not None and str(arguments.stats) not in STREAMS:
-            lajolla.image.check_folder(arguments.stats)
+    if arguments.pixel is None:
+        _check_outputs(arguments)
     scene = load(arguments)
     for warning in scene.warnings:
         print(warning, file=sys.stderr)
@@ -134,6 +138,14 @@ def command_render(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _check_outputs(arguments: argparse.Namespace) -> None:
+    """What would fail after hours of rendering fails now."""
+    for output in arguments.outputs or []:
+        lajolla.image.check_output(output)
+    if arguments.stats is not None and str(arguments.stats) not in STREAMS:
+        lajolla.image.check_folder(arguments.stats)
+
+
 def _save(
     outputs: Sequence[Path],
     scene: lajolla.Scene,
@@ -148,9 +160,23 @@ def _save(
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
+    """Renders what can be rendered, until an interrupt; what goes wrong is told with the sensor's name."""
     names = lajolla.scene.sensor_names(arguments.scene, parameters=dict(arguments.parameters))
-    codes = (command_render(each) for each in for_each_sensor(arguments, names))
-    return next((code for code in codes if code != 0), 0)
+    commands = for_each_sensor(arguments, names)
+    for command in commands:
+        _check_outputs(command)
+    if len(commands) == 1:
+        return command_render(commands[0])
+    result = 0
+    for name, command in zip(names, commands, strict=True):
+        missing = f"nothing was written of sensor {name} and those after it"
+        code = _reported(partial(_run_command, command), missing)
+        if code > 1:  # an interrupt's
+            return code
+        if code == 1:
+            say(f"sensor {name} failed")
+            result = 1
+    return result
 
 
 def _write_outputs(outputs: Sequence[Path], picture: lajolla.Image, arguments: argparse.Namespace) -> None:
@@ -207,9 +233,6 @@ def statistics(scene: lajolla.Scene, rendering: lajolla.Rendering) -> dict[str, 
         "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit,
         "nonfinite_samples": rendering.accumulator.nonfinite,
     }
-
-
-STREAMS = {"/dev/stdout": "stdout", "/dev/stderr": "stderr"}
 
 
 def _write_stats(path: Path, stats: dict[str, Any]) -> None:
