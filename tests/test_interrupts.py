@@ -113,6 +113,16 @@ def test_a_signal_between_rendering_and_saving_loses_nothing(monkeypatch: pytest
 
 
 @pytest.mark.usefixtures("as_from_a_terminal")
+def test_an_interrupted_conversion_is_complete_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cli, "_write_export", interrupting(cli._write_export))
+    assert cli.main("convert room.xml new.xml".split()) == 130
+    assert Path("new.xml").is_file()
+    assert capfd.readouterr().err.endswith("lajolla: interrupted; wrote new.xml\n")
+
+
+@pytest.mark.usefixtures("as_from_a_terminal")
 def test_no_callback_can_drop_an_interrupt(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -132,8 +142,12 @@ def test_no_callback_can_drop_an_interrupt(
     assert samples and 1 <= int(samples[1]) < 4096
 
 
-def test_who_does_not_wait_is_let_go() -> None:
-    code = """
+@pytest.mark.parametrize(
+    ("command", "missing"),
+    [("render room.xml -o a.exr --quiet", "the picture"), ("convert room.xml new.xml", "the scene")],
+)
+def test_who_does_not_wait_is_let_go(command: str, missing: str) -> None:
+    code = f"""
 import os, signal, sys, time
 from lajolla import cli, image
 
@@ -142,13 +156,13 @@ def slow(*arguments, **settings):
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(0.3)
 
-image.write = slow
-sys.exit(cli.main("render room.xml -o a.exr --quiet".split()))
+image.write = cli._write_export = slow
+sys.exit(cli.main({command.split()}))
 """
-    command = [sys.executable, "-c", code]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    words = [sys.executable, "-c", code]
+    result = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert result.returncode == 143
-    assert "interrupted; the picture may not be there" in result.stderr
+    assert f"interrupted; {missing} may not be there" in result.stderr
     assert "Traceback" not in result.stderr
 
 

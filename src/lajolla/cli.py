@@ -13,7 +13,7 @@ import resource
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -262,23 +262,30 @@ def command_convert(arguments: argparse.Namespace) -> int:
     patience = Patience("the scene")
     with handled_by(patience):
         patience.save(_write_export, target, result)
-    count = len(result.files)
-    files = f" and {count} file{'s' if count > 1 else ''} in {target.stem}-files" if count else ""
-    say(f"wrote {target}{files}")
+    written = str(target)
+    if result.files:
+        count, folder = len(result.files), Path(next(iter(result.files))).parent
+        written += f" and {count} file{'s' if count > 1 else ''} in {folder}"
+    if patience.interrupt is not None:
+        say(f"interrupted; wrote {written}")
+        return patience.interrupt.exit_code
+    say(f"wrote {written}")
     return 0
 
 
 def _write_export(target: Path, result: lajolla.scene.Export) -> None:
-    for name, content in result.files.items():
-        path = target.parent / name
-        path.parent.mkdir(exist_ok=True)
-        if isinstance(content, bytes):
-            with lajolla.image.replacing(path) as temporary:
-                temporary.write_bytes(content)
-        else:
-            lajolla.image.write(path, content)
-    with lajolla.image.replacing(target) as temporary:
+    """Writes all files under other names before the first takes its place: old and new ones do not fit."""
+    for folder in {Path(name).parent for name in result.files}:
+        (target.parent / folder).mkdir(exist_ok=True)
+    with ExitStack() as replacements:
+        temporary = replacements.enter_context(lajolla.image.replacing(target))  # the last to take its place
         temporary.write_text(result.text, encoding="utf-8")
+        for name, content in result.files.items():
+            temporary = replacements.enter_context(lajolla.image.replacing(target.parent / name))
+            if isinstance(content, bytes):
+                temporary.write_bytes(content)
+            else:
+                lajolla.image.write(temporary, content)
 
 
 def command_check(arguments: argparse.Namespace) -> int:
