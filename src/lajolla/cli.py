@@ -62,7 +62,7 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
 
 
 def _run_command(arguments: argparse.Namespace) -> int:
-    """Runs a command; what is wrong with a scene, an option or a picture is told."""
+    """Runs a command; an error in a scene, an option or a picture is one message."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy would start threads that spin for nothing
     # This loads the renderer, outside of the block whose handlers need it: the user may interrupt already.
     refusals = (lajolla.OptionError, lajolla.ImageError, lajolla._core.DescriptionError)
@@ -160,7 +160,7 @@ def _save(
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
-    """Renders what can be rendered, until an interrupt; what goes wrong is told with the sensor's name."""
+    """Renders what can be rendered, until an interrupt; an error names its sensor."""
     names = lajolla.scene.sensor_names(arguments.scene, parameters=dict(arguments.parameters))
     commands = for_each_sensor(arguments, names)
     for command in commands:
@@ -184,14 +184,14 @@ def _write_outputs(outputs: Sequence[Path], picture: lajolla.Image, arguments: a
     errors = []
     if arguments.tonemap is not None:
         picture.film = replace(picture.film, tonemap_method=arguments.tonemap)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", lajolla.image.ImageWarning)
         for output in outputs:
             try:
                 picture.save(output, exposure=arguments.exposure, half=arguments.half)
             except lajolla.image.ImageError as error:
                 errors.append(error)
-    for warning in told:
+    for warning in caught:
         say(f"warning: {warning.message}")
     if errors:
         raise errors[0]
