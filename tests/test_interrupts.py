@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from lajolla import cli, display, image
+from lajolla.interrupts import Patience
 from lajolla.render import Progress
 
 SCENE = """<scene version="3.0.0">
@@ -110,6 +111,14 @@ def test_a_signal_between_rendering_and_saving_loses_nothing(monkeypatch: pytest
     monkeypatch.setattr(cli.Patience, "save", interrupting(cli.Patience.save))
     assert cli.main("render room.xml -o a.exr --quiet".split()) == 130
     assert image.read("a.exr").mean() > 0
+
+
+def test_impatience_is_answered_before_the_save_too(capfd: pytest.CaptureFixture[str]) -> None:
+    patience = Patience("the picture")
+    for number in (signal.SIGTERM, signal.SIGINT):
+        patience(number, None)
+    assert capfd.readouterr().err == "lajolla: stopping; press Ctrl-C again to quit without saving\n"
+    assert patience.interrupt is not None and patience.interrupt.exit_code == 143
 
 
 @pytest.mark.usefixtures("as_from_a_terminal")

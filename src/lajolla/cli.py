@@ -1,7 +1,7 @@
 """The command line: `lajolla render`, `check`, `convert`, `compare` and `list`.
 
 Results go to standard output, everything else to standard error. Every error of the user's is one message and
-exit code 1; an interrupted render ends with 128 + the signal's number, as in a shell.
+exit code 1; an interrupted command ends with 128 + the signal's number, as in a shell.
 """
 
 from __future__ import annotations
