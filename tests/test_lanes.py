@@ -201,7 +201,7 @@ def test_bsdfs(name: str) -> None:
     for settings in settings_of(name):
         bsdf = _core_testing.Bsdf(settings)
         if not bsdf.wide:
-            continue
+            pytest.skip("written for one path")
         for count in (1, 7, 37, 200):
             wo, wi = directions(count, "wo", label(settings)), directions(count, "wi", label(settings))
             if not bsdf.transmissive:

@@ -94,6 +94,7 @@ def test_the_bsdf_to_add_compiles(
         start = model.index("    template <class Float>\n    struct Lobe")
         model = model[:start] + one_path + "};\n\n} // namespace lajolla\n"
     assert blocks(readme, "cpp") == [include, listed] and "Minnaert, Null>;" in listed
+    assert listed.split("<")[0] in (repository / "core" / "scatter" / "bsdfs.h").read_text()
     header = (repository / "core" / "scatter" / "bsdfs.h").read_text()
     assert ", Null>;" in header
     changed = header.replace(", Null>;", ", Minnaert, Null>;")
