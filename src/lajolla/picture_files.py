@@ -29,7 +29,6 @@ def opened(path: Path) -> Iterator[Any]:
         raise PictureError("it is not a file")
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    config.attribute("pnm:pfmflip", 0)
     with plain_name(path) as name:
         source = oiio.ImageInput.open(name, config)
         if source is None:
