@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import struct
+import time
 import zlib
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -125,6 +127,19 @@ def test_work_grows_with_the_file_and_no_faster(name: str, tmp_path: Path) -> No
     assert (result.error, result.warnings) == ("", warnings)
     assert result.seconds < 4 * SECONDS  # a file of half a megabyte
     assert result.memory < MEMORY
+
+
+@pytest.mark.parametrize("version", ["0.6.0", "3.0.0"])
+def test_a_large_group_is_not_searched_for_every_instance(version: str, tmp_path: Path) -> None:
+    inside = '<shape type="sphere"/>' * 1000
+    body = f'<emitter type="area"/><shape type="shapegroup" id="group">{inside}</shape>'
+    body += '<shape type="instance"><ref id="group"/></shape>' * MANY
+    scene = write_scene(tmp_path, body, version)
+    scene.write_text(scene.read_text().replace('<sensor type="perspective"/>', ""))
+    start = time.process_time()
+    with nullcontext() if version == "0.6.0" else pytest.raises(SceneError, match="has no sensor"):
+        load_description(scene)
+    assert time.process_time() - start < 4 * SECONDS  # a file of a megabyte
 
 
 NAME = '<string name="filename" value="{0}"/>'

@@ -14,7 +14,7 @@ from .errors import SceneError, did_you_mean
 from .inside import is_inside
 from .instances import add_instance, check_size
 from .mapping import warn_of_missing_coordinates
-from .nodes import Node, Property, Rgb
+from .nodes import Node, Property, Rgb, below
 from .outputs import description_of, repeated
 from .plugins.adapters import lets_light_through
 from .schema import BLACK, Slot
@@ -196,9 +196,10 @@ def _add_emitter(builder: Builder, node: Node) -> None:
 
 
 def _warn_of_unused_area_lights(builder: Builder, scene: Node) -> None:
-    used = {inner for _, shape in scene.children("shape") for inner in shape.descendants()}
-    for _, node in scene.children("emitter"):
-        if node.plugin.lower() == "area" and node not in used:
+    lights = [node for _, node in scene.children("emitter") if node.plugin.lower() == "area"]
+    used = set(below(shape for _, shape in scene.children("shape"))) if lights else set()
+    for node in lights:
+        if node not in used:
             builder.diagnostics.warn(f"no shape refers to {node}; it does not shine", node.location)
 
 
