@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 import time
 import zlib
@@ -17,8 +18,10 @@ from hostile_cases import answer
 from reader_tools import error, error_of, read, write_scene
 
 import lajolla
-from lajolla import image
+from lajolla import picture_files
+from lajolla.picture_files import Budget
 from lajolla.scene import SceneError, load_description
+from lajolla.scene.plugins import daylight
 
 SECONDS, MEMORY = 1.0, 200 * 10**6
 
@@ -194,17 +197,37 @@ def test_scenes_of_other_folders_are_read_but_not_shown(tmp_path: Path) -> None:
     assert "<float" in error_of(folder, '<include filename="other.xml"/>')
 
 
-def test_a_small_picture_does_not_ask_for_all_memory(tmp_path: Path) -> None:
+def png(size: int, rows: int) -> bytes:
+    """A square picture of black pixels, cut short after some rows."""
+
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
-    head = struct.pack(">IIBBBBB", 8000, 8000, 8, 2, 0, 0, 0)
-    data = zlib.compress(bytes(100_000))
-    (tmp_path / "a.png").write_bytes(
-        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
-    )
-    told = error_of(tmp_path, READERS["envmap"].format("a.png"))
-    assert "8000 x 8000 pixels are too many for a file of" in told
+    head = struct.pack(">IIBBBBB", size, size, 8, 2, 0, 0, 0)
+    data = zlib.compress(bytes(rows * (3 * size + 1)), 9)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+BITMAP = f'<texture type="bitmap" name="reflectance">{NAME}</texture>'
+SHOWN = f'<shape type="sphere"><bsdf type="diffuse">{BITMAP}</bsdf></shape>'
+
+
+@pytest.mark.parametrize("reader", [SHOWN, READERS["envmap"], READERS["heightfield"]])
+def test_a_small_picture_does_not_ask_for_all_memory(reader: str, tmp_path: Path) -> None:
+    """It may take 1 GiB, as large pictures of one colour do; it is refused before that is taken."""
+    (tmp_path / "a.png").write_bytes(png(20_000, 10) + bytes(400_000))  # OpenImageIO refuses smaller ones
+    result = answer(write_scene(tmp_path, reader.format("a.png")))
+    assert "20000 x 20000 pixels are too many for a file of" in result.error
+    assert result.seconds < SECONDS
+    assert result.memory < MEMORY
+
+
+def test_large_pictures_of_one_colour_are_read(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(png(8192, 8192))
+    assert len(read(tmp_path, SHOWN.format("a.png")).core["textures"]) == 1
+    budget = Budget()
+    for _ in range(64):
+        budget.spend(tmp_path / "a.png", 3 * 4096**2)
 
 
 def test_large_arrays_are_looked_at_by_their_shape(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -271,11 +294,22 @@ def test_a_scene_whose_type_is_no_text() -> None:
         lajolla.load_dict({"type": np.zeros(3)})
 
 
-def test_many_small_pictures_do_not_ask_for_all_memory(tmp_path: Path) -> None:
-    image.write_encoded(tmp_path / "0.png", np.zeros((4000, 4000, 3), np.uint8))
-    texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="{0}.png"/></texture>'
-    for i in range(1, 16):
-        (tmp_path / f"{i}.png").write_bytes((tmp_path / "0.png").read_bytes())
-    shape = f'<shape type="sphere"><bsdf type="diffuse">{texture}</bsdf></shape>'
-    told = error_of(tmp_path, "".join(shape.format(i) for i in range(1, 16)))
-    assert "small files of pictures take more than 512 MiB together" in told
+@pytest.mark.parametrize("reader", [SHOWN, READERS["envmap"], READERS["heightfield"]])
+def test_many_small_pictures_do_not_ask_for_all_memory(
+    reader: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(picture_files, "MAX_PICTURES", 1 << 20)
+    for i in range(3):
+        (tmp_path / f"{i}.png").write_bytes(png(800, 800))
+    told = error_of(tmp_path, "".join(reader.format(f"{i}.png") for i in range(3)))
+    assert re.search(r"the textures would take \d+ MiB decoded; the limit is \d+ MiB", told)
+
+
+def test_skies_are_as_large_as_one_of_the_largest_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sky = '<emitter type="sky"><integer name="resolution" value="{0}"/></emitter>'
+    assert "between 4 and 8192" in error_of(tmp_path, sky.format(8193))
+    monkeypatch.setattr(daylight, "WIDEST", 64)
+    assert read(tmp_path, sky.format(64)).core["emitters"]
+    assert "more than 2,112 pixels" in error_of(tmp_path, sky.format(32) * 8)

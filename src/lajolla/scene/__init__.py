@@ -20,6 +20,7 @@ import numpy as np
 
 from lajolla import _core
 from lajolla.film import Film
+from lajolla.picture_files import Budget
 
 from . import cameras
 from .assemble import assemble
@@ -155,9 +156,10 @@ def export(
     tree, builder = _read(Path(path), parameters, strict)
     description = _describe(tree, builder)
     diagnostics = Diagnostics()
+    builder = replace(builder, diagnostics=diagnostics, pictures=Budget())  # some are read again
     target = Path(target)
     stem = target.stem.encode("utf-8", "replace").decode()
-    translator = Translator(replace(builder, diagnostics=diagnostics), target.parent, stem, pack)
+    translator = Translator(builder, target.parent, stem, pack)
     with blamed_on(tree.root.location):
         text = scene_text(translator.scene(tree.root, description.core))
     told = {warning.message for warning in description.warnings}

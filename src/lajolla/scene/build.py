@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any, TypeGuard
 
 from lajolla.film import Film
-from lajolla.picture_files import MAX_RATIO
+from lajolla.picture_files import Budget
 
 from .convert import convert
 from .errors import Diagnostics, Location, SceneError, blamed_on, did_you_mean
@@ -38,7 +38,6 @@ from .substitutes import DROPPED, NESTED, in_words_of_substitute, misspelt, subs
 # Objects that a scene can do without: one whose file is missing is left out.
 DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
 
-MOST_EXCESS = 1 << 29
 MOST_WAYS = 32  # in which one file is read
 MOST_LOOKUPS = 1024  # that one texture may take
 
@@ -128,7 +127,8 @@ class Builder:
     indices: dict[str, int] = field(default_factory=dict)  # of bsdfs and adapters by what they are
     slots: dict[Slot, int] = field(default_factory=dict)
     places: dict[str, Location] = field(default_factory=dict)  # of entries: "shapes[3]"
-    excess: int = 0  # bytes of pictures from small files
+    pictures: Budget = field(default_factory=Budget)
+    sky_pixels: int = 0  # of the pictures of skies
     ways: dict[Path, int] = field(default_factory=dict)  # in which files are read
     files: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # meshes and images are read once
 
@@ -158,17 +158,6 @@ class Builder:
         self.ways[path] = self.ways.get(path, 0) + 1
         if self.ways[path] > MOST_WAYS:
             raise SceneError(f'"{path}" is read in more than {MOST_WAYS} ways', location)
-
-    def unpacked(self, path: Path, size: int, location: Location) -> None:
-        """Adds up the bytes that pictures take beyond what their files' sizes allow.
-
-        Raises:
-            SceneError: all together are too many.
-        """
-        self.excess += max(0, size - MAX_RATIO * path.stat().st_size)
-        if self.excess > MOST_EXCESS:
-            message = f"small files of pictures take more than {MOST_EXCESS >> 20} MiB together"
-            raise SceneError(message, location)
 
     # Plugins
 

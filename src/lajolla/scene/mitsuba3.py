@@ -20,7 +20,7 @@ from .assemble import NEVER_LIGHTS
 from .build import Builder, is_child, named
 from .convert import constant_or_texture, convert
 from .files import MissingFile, file_bytes
-from .images import Pixels, is_integer_file, read_pixels
+from .images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
 from .mitsuba3_coats import coating
 from .mitsuba3_instances import Contents, group, instances
 from .mitsuba3_meshes import reads_alike
@@ -230,7 +230,8 @@ class Translator:
 
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
         """Packs a bitmap's pixels as linear floating-point numbers; the name of the file."""
-        pixels = read_pixels(self._file_of(node), node.property_location("filename"), channel)
+        place = node.property_location("filename")
+        pixels = read_pixels(self._file_of(node), place, self.builder.pictures, channel, pixel=FLOAT_RGB)
         name = f"{self.stem}-files/{len(self.packed)}.exr"
         encoded = is_integer_file(self._file_of(node))
         linear = decode(pixels, 1.0 if is_alpha(channel) else gamma) if encoded else pixels
