@@ -145,7 +145,7 @@ def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
 
 
 def _warn_of_unseen_media(builder: Builder, integrator: str, camera: dict[str, Any], sensor: Node) -> None:
-    """Media that the integrator passes over, and one that the camera stands in without a word about it."""
+    """Media that the integrator ignores, and one that the camera stands in without a word about it."""
     if not builder.media:
         return
     if integrator in WITHOUT_MEDIA:
@@ -158,7 +158,8 @@ def _warn_of_unseen_media(builder: Builder, integrator: str, camera: dict[str, A
     for i, shape in enumerate(builder.shapes):
         if shape.get("interior", -1) >= 0 and is_inside(shape, eye):
             message = (
-                f"the camera stands in the medium of this shape, but {sensor} names none: it starts outside"
+                f"the camera stands in the medium of this shape, but {sensor} does not name it, so "
+                "camera rays start outside the medium; add it to the sensor"
             )
             builder.diagnostics.warn(message, builder.places[f"shapes[{i}]"])
             return
