@@ -197,6 +197,28 @@ def test_scenes_of_other_folders_are_read_but_not_shown(tmp_path: Path) -> None:
     assert "<float" in error_of(folder, '<include filename="other.xml"/>')
 
 
+def test_lines_of_scenes_are_shown_through_links(tmp_path: Path) -> None:
+    """Also of includes in a folder that the scene names with `<path>`; never of what is no scene."""
+    for folder in ("kept", "linked", "shared"):
+        (tmp_path / folder).mkdir()
+    wrong = '<scene version="3.0.0"><shape type="sphere"><float name="radius" value="-1"/></shape></scene>'
+    (tmp_path / "kept" / "scene.xml").write_text(wrong)
+    (tmp_path / "shared" / "part.xml").write_text(wrong)
+    (tmp_path / "shared" / "keys").write_text(SECRET)
+    (tmp_path / "linked" / "scene.xml").symlink_to(tmp_path / "kept" / "scene.xml")
+    assert "<float" in error(tmp_path / "linked" / "scene.xml")
+    (tmp_path / "linked" / "part.xml").symlink_to(tmp_path / "shared" / "part.xml")
+    (tmp_path / "linked" / "keys").symlink_to(tmp_path / "shared" / "keys")
+    for place in ("", '<path value="../shared"/>'):
+        assert "<float" in error_of(tmp_path / "linked", f'{place}<include filename="part.xml"/>')
+        told = error_of(tmp_path / "linked", f'{place}<include filename="keys"/>')
+        assert not [word for word in ("root", "salt", "BEGIN", "b3Blb", "19000") if word in told]
+    (tmp_path / "linked" / "part.xml").unlink()
+    assert "<float" in error_of(
+        tmp_path / "linked", '<path value="../shared"/><include filename="part.xml"/>'
+    )
+
+
 def png(size: int, rows: int) -> bytes:
     """A square picture of black pixels, cut short after some rows."""
 

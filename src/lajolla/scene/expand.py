@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -67,13 +68,18 @@ class _Expander:
 
     def file(self, path: Path, including: list[Path], parent: Source | None) -> Element:
         source = read_source(path, str(path), self.diagnostics)
-        source.quoted = path.resolve().is_relative_to(self.root_folder.resolve())
+        source.quoted = parent is None or self._is_own(path)
         root = parse_xml(source)
         source.version = _version(root, source, parent, self.diagnostics)
         stack = [*including, path.resolve()]
         self._substitute(root)
         root.children = [c for child in root.children for c in self._expand(child, stack)]
         return root
+
+    def _is_own(self, path: Path) -> bool:
+        """Whether a file is in the scene's folder or a folder that the scene names, by links too."""
+        folders = map(os.path.abspath, [self.root_folder, *self.search_paths])
+        return any(Path(os.path.abspath(path)).is_relative_to(folder) for folder in folders)
 
     def _expand(self, element: Element, including: list[Path]) -> Iterator[Element]:
         """What stands for `element` in the tree: nothing, itself, or an included file's content."""
