@@ -35,7 +35,7 @@ from .mitsuba3_plugins import (
     like,
     with_boundary,
 )
-from .nodes import Node, Property, Rgb, Value, Vector
+from .nodes import Node, Property, Rgb, Value, Vector, below
 from .plugins import colours
 from .plugins.textures import decode, is_alpha
 from .ply_bytes import ply_bytes
@@ -95,6 +95,7 @@ class Translator:
                         continue
                     around = child
                 result.properties.append(Property(prop.name, child, prop.location, prop.name_location))
+        self._fill_copies(result)
         return result
 
     def _described(self, root: Node, kind: str, entry: Mapping[str, Any]) -> Property:
@@ -207,10 +208,20 @@ class Translator:
         try:
             written.encode()
         except UnicodeEncodeError:  # XML cannot name the file: a copy gets another name
-            written = f"{self.stem}-files/{len(self.packed)}{path.suffix}"
-            self.packed[written] = file_bytes(path)
+            known = (name for name, source in self.copied.items() if source == path)
+            written = next(known, f"{self.stem}-files/{len(self.packed)}{path.suffix}")
             self.copied[written] = path
+            self.packed[written] = b""  # filled when it is known whether it is used
         return written
+
+    def _fill_copies(self, scene: Node) -> None:
+        """Copies files that the written scene names; of meshes that are packed it does not."""
+        names = {p.value for node in below([scene]) for p in node.properties if isinstance(p.value, str)}
+        for name, path in self.copied.items():
+            if name in names:
+                self.packed[name] = file_bytes(path)
+            else:
+                del self.packed[name]
 
     def nearest(self, node: Node) -> Node | None:
         """What comes nearest to a plugin that Mitsuba 3 does not have."""

@@ -76,7 +76,7 @@ def _from_array(node: Node, data: Content, channel: str) -> tuple[Pixels, bool]:
     except (TypeError, ValueError):
         raise SceneError(f'"data" of {node} is not an array', node.location) from None
     names = CHANNELS[array.shape[2]]
-    if channel and channel.lower() not in names:
+    if channel and (len(channel) != 1 or channel.lower() not in names):
         raise SceneError(
             f'"data" of {node} has no channel "{channel}", only {", ".join(names)}', node.location
         )
