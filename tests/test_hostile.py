@@ -98,7 +98,13 @@ def test_files_that_include_each_other_twice(tmp_path: Path) -> None:
         (tmp_path / f"part{i}.xml").write_text(f'<scene version="3.0.0">{inside}</scene>')
     assert "more than 1024 files" in error_of(tmp_path, '<include filename="part0.xml"/>')
     (tmp_path / "large.xml").write_text(f'<scene version="3.0.0">{" " * 1_000_000}</scene>')
-    assert "included again" in error_of(tmp_path, '<include filename="large.xml"/>' * 9)
+    assert "included again have 21,000," in error_of(tmp_path, '<include filename="large.xml"/>' * 30)
+
+
+def test_a_large_file_may_be_included_several_times(tmp_path: Path) -> None:
+    tree = f'<scene version="3.0.0"><shape type="sphere"/>{" " * 1_000_000}</scene>'
+    (tmp_path / "tree.xml").write_text(tree)
+    assert len(read(tmp_path, '<include filename="tree.xml"/>' * 6).core["shapes"]) == 6
 
 
 MANY = 20_000

@@ -16,6 +16,7 @@ from .files import find_file
 MAX_INCLUDES = 16  # in each other
 MAX_INCLUDED = 1024  # in all
 MAX_REPEATED = 1 << 22  # bytes of files that were included before
+REPEATED_RATIO = 16  # and so many more for each byte that is included for the first time
 MAX_FILLED = 1_000_000  # characters; defaults that double each other would fill the memory otherwise
 LATEST = (3, 0, 0)
 ORDINARY = "[A-Za-z0-9_]+"  # names of parameters
@@ -58,6 +59,7 @@ class _Expander:
     search_paths: list[Path] = field(default_factory=list)
     included: set[Path] = field(default_factory=set)
     inclusions: int = 0
+    included_once: int = 0  # bytes
     repeated: int = 0  # bytes
     longest: int = 0  # name of a parameter
     unusual: set[str] = field(default_factory=set)
@@ -114,13 +116,18 @@ class _Expander:
     def _count(self, path: Path, element: Element) -> None:
         """Files that include each other more than once would grow beyond all bounds."""
         self.inclusions += 1
+        size = path.stat().st_size
         if path in self.included:
-            self.repeated += path.stat().st_size
+            self.repeated += size
+        else:
+            self.included_once += size
         self.included.add(path)
         if self.inclusions > MAX_INCLUDED:
             raise SceneError(f"more than {MAX_INCLUDED} files are included", element.location)
-        if self.repeated > MAX_REPEATED:
-            raise SceneError(f"files are included again: more than {MAX_REPEATED:,} bytes", element.location)
+        limit = MAX_REPEATED + REPEATED_RATIO * self.included_once
+        if self.repeated > limit:
+            message = f"files that are included again have {self.repeated:,} bytes; the limit is {limit:,}"
+            raise SceneError(message, element.location)
 
     def _find(self, element: Element, attribute: str) -> Path:
         folders = [element.location.source.directory, *self.search_paths, self.root_folder]
