@@ -21,6 +21,7 @@ import lajolla
 from lajolla import picture_files
 from lajolla.picture_files import Budget
 from lajolla.scene import SceneError, load_description
+from lajolla.scene.files import file_bytes
 from lajolla.scene.plugins import daylight
 
 SECONDS, MEMORY = 1.0, 200 * 10**6
@@ -341,3 +342,16 @@ def test_skies_are_as_large_as_one_of_the_largest_together(
     monkeypatch.setattr(daylight, "WIDEST", 64)
     assert read(tmp_path, sky.format(64)).core["emitters"]
     assert "more than 2,112 pixels" in error_of(tmp_path, sky.format(32) * 8)
+
+
+def test_one_file_with_many_settings(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(png(2, 2))
+    gammas = [NAME.format("a.png") + f'<float name="gamma" value="{1 + i / 8}"/>' for i in range(1, 40)]
+    shapes = [SHOWN.replace(NAME, name) for name in gammas]
+    assert "is used with more than 32 different settings" in error_of(tmp_path, "".join(shapes))
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="there is no such file")
+def test_a_file_that_changes_while_it_is_read() -> None:
+    with pytest.raises(OSError, match="changed while it was read"):
+        file_bytes(Path("/proc/self/status"))

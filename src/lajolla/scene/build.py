@@ -38,7 +38,7 @@ from .substitutes import DROPPED, NESTED, in_words_of_substitute, misspelt, subs
 # Objects that a scene can do without: one whose file is missing is left out.
 DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
 
-MOST_WAYS = 32  # in which one file is read
+MOST_WAYS = 32  # settings with which one file is read
 MOST_LOOKUPS = 1024  # that one texture may take
 
 # Lists of the description whose entries other entries name by index.
@@ -157,7 +157,7 @@ class Builder:
         """
         self.ways[path] = self.ways.get(path, 0) + 1
         if self.ways[path] > MOST_WAYS:
-            raise SceneError(f'"{path}" is read in more than {MOST_WAYS} ways', location)
+            raise SceneError(f'"{path}" is used with more than {MOST_WAYS} different settings', location)
 
     # Plugins
 
@@ -185,7 +185,7 @@ class Builder:
             return None
 
     def known(self, node: Node) -> Node | None:
-        """The node itself where there is a plugin of that name, else what stands in for it, as is told."""
+        """The node itself where there is a plugin of that name, or what stands in for it, with a warning."""
         if self.plugin(node) is not None:
             return node
         names = self.table.get(node.kind, {})
@@ -216,16 +216,16 @@ class Builder:
         without = f", without {', '.join(names)}" if names else ""
         if node.plugin:
             self.diagnostics.unknown(f"there is no {node}; {used}{without}", node.plugin_location)
-        elif names:  # that there is none was told
+        elif names:  # that there is none was warned about
             self.diagnostics.unknown(f"{used} for the {node}{without}", node.plugin_location)
 
     def values(self, node: Node, plugin: Plugin) -> dict[str, Any]:
-        """The node's properties as fields of the plugin; unknown ones are told."""
+        """The node's properties as fields of the plugin; unknown ones are warned about."""
         fields = {f.name: f for f in plugin.fields}
         values: dict[str, Any] = {}
         for name, prop in named(node, fields):
             if _is_texture(prop.value) and self.texture(prop.value) is None:
-                continue  # left out, as was told
+                continue  # left out, as was warned about
             if name in fields and not is_child(prop.value, plugin):
                 if _is_texture(prop.value) and not self.fits(prop.value, fields[name]):
                     self.tell_texture(node, prop.name)
@@ -315,7 +315,7 @@ class Builder:
         inner = (value["texture"] for value in entry.values() if isinstance(value, dict))
         lookups = 1 + sum(self.lookups[index] for index in inner)
         if lookups > MOST_LOOKUPS:
-            message = f"{node} and the textures inside it are more than {MOST_LOOKUPS} to look up"
+            message = f"{node} needs more than {MOST_LOOKUPS} texture lookups per point"
             raise SceneError(message, node.location)
         self.lookups.append(lookups)
 

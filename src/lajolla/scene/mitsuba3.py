@@ -110,7 +110,7 @@ class Translator:
             known = self.builder.known(node)
             try:
                 self.done[node] = None if known is None else self._translate(known)
-            except MissingFile:  # reading the scene told of it
+            except MissingFile:  # reading the scene warned of it
                 self.done[node] = None
         return self.done[node]
 
@@ -180,7 +180,7 @@ class Translator:
             if prop.value.kind != "texture" or field is None:
                 return self.node(prop.value)
             if not self.builder.fits(prop.value, field):
-                return None  # reading the scene told of it
+                return None  # reading the scene warned of it
             if prop.value.plugin.lower() not in CONSTANTS:
                 return self.node(prop.value)
             if isinstance(content := constant_or_texture(self.builder, prop), dict):  # a texture inside
@@ -189,7 +189,7 @@ class Translator:
             if field.type != "float":
                 prop = Property(prop.name, content, prop.location, prop.name_location)
         if field is None:
-            return None  # reading the scene told of it
+            return None  # reading the scene warned of it
         value = convert(self.builder, node, prop, field)
         if field.type in ("texture_spectrum", "spectrum", "volume_spectrum") and isinstance(value, tuple):
             return Rgb(value)
@@ -263,7 +263,7 @@ class Translator:
             try:
                 with self._telling(known or node):
                     self.made[node] = [] if known is None else self._shapes(known)
-            except MissingFile:  # reading the scene told of it
+            except MissingFile:  # reading the scene warned of it
                 self.made[node] = []
         return self.made[node]
 

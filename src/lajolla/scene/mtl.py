@@ -28,7 +28,7 @@ class Material:
 
 @dataclass
 class Reader:
-    """Reads one library; problems are told and passed over."""
+    """Reads one library; problems are warned about and ignored."""
 
     path: Path
     location: Location  # what to blame in the scene
@@ -134,7 +134,7 @@ def _colour(text: str) -> Rgb:
 def materials_of(
     names: list[str], obj: Path, location: Location, diagnostics: Diagnostics
 ) -> dict[str, Node]:
-    """The materials of an OBJ file's libraries, which stand beside it; what is missing is told."""
+    """The materials of an OBJ file's libraries, which stand beside it; what is missing is warned about."""
     materials: dict[str, Node] = {}
     for name in names:
         try:
