@@ -32,7 +32,8 @@ class Finding:
 def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
     """Opens every scene file below a folder.
 
-    A file that another one includes is a fragment, and no finding, unless it is a whole scene by itself.
+    A file that another one includes is a fragment, and no finding, unless it is a whole scene by itself: with
+    a camera and something to see. One of these that fails is a fragment if a scene that opens includes it.
 
     Args:
         folder: searched for `*.xml`, at any depth.
@@ -50,7 +51,11 @@ def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
     ]
     shown = sys.stderr.isatty()
     progress = track(files, "reading", console=Console(stderr=True), transient=True, disable=not shown)
-    return [_finding(path, open_scene) for path in progress]
+    findings = [_finding(path, open_scene) for path in progress]
+    good = {finding.path for finding in findings if not finding.error}
+    return [
+        finding for finding in findings if not finding.error or not included.get(finding.path, set()) & good
+    ]
 
 
 def _is_whole(text: bytes) -> bool:
@@ -58,21 +63,21 @@ def _is_whole(text: bytes) -> bool:
     return CAMERA.search(text) is not None and CONTENT.search(text) is not None
 
 
-def _included(texts: Mapping[Path, bytes]) -> set[Path]:
-    """The files that others include: beside them, or, in folders that only a render knows, by name."""
+def _included(texts: Mapping[Path, bytes]) -> dict[Path, set[Path]]:
+    """The files that others include, with those that do by their place; some are known by their name only."""
     places = {_place(path): path for path in texts}
-    found: set[Path] = set()
+    found: dict[Path, set[Path]] = {}
     elsewhere: set[str] = set()
     for path, text in texts.items():
         for raw in set(INCLUDE.findall(text)):
             name = raw.decode(errors="replace").replace("\\", "/")
             place = _place(path.parent / name)
             if place in places and not PARAMETERS.search(name):
-                found.add(places[place])
+                found.setdefault(places[place], set()).add(path)
             else:
                 elsewhere.add(name.rsplit("/", 1)[-1])
     pattern = _any_of(elsewhere)
-    return found | {path for path in texts if pattern.fullmatch(path.name)}
+    return {path: set() for path in texts if pattern.fullmatch(path.name)} | found
 
 
 def _place(path: Path) -> str:
