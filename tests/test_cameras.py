@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 from pathlib import Path
 from typing import NoReturn
 
@@ -10,6 +12,7 @@ import pytest
 
 import lajolla
 from lajolla import cli, image
+from lajolla.arguments import for_each_sensor, parse
 from lajolla.scene import SceneError, cameras, load_description, sensor_names
 
 FILM = '<film type="hdrfilm"><integer name="width" value="{}"/><integer name="height" value="3"/></film>'
@@ -126,6 +129,51 @@ def test_names_of_files_do_not_collide(tmp_path: Path, monkeypatch: pytest.Monke
     path = written(tmp_path / "old", '<shape type="cube"/>', "0.5.0")
     command = f"render {path} --all-sensors --size 4x4 --spp 1 -o y.exr"
     assert cli.main(command.split()) == 0 and Path("y.exr").is_file()
+
+
+def test_numbers_tell_all_files_apart_as_soon_as_any_two_clash() -> None:
+    arguments = parse("render scene.xml --all-sensors -o x.exr".split())
+    outputs = [each.outputs[0].name for each in for_each_sensor(arguments, ["a", "a", "0-a"])]
+    assert outputs == ["x-0-a.exr", "x-1-a.exr", "x-2-0-a.exr"]
+
+
+def test_all_outputs_are_checked_before_the_first_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = written(tmp_path, LEFT + RIGHT)
+    Path("x-right_side.exr").mkdir()
+    assert cli.main(["render", str(path), "--all-sensors", "--spp", "1", "-o", "x.exr"]) == 1
+    assert not Path("x-left.exr").exists()
+
+
+def test_an_error_names_its_camera_and_spares_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = written(tmp_path, LEFT.replace('value="4"', 'value="0"') + RIGHT)
+    assert cli.main(["render", str(path), "--all-sensors", "--spp", "1", "-o", "x.exr", "--quiet"]) == 1
+    assert image.read("x-right_side.exr").shape[1] == 6
+    assert capsys.readouterr().err.endswith("lajolla: sensor left failed\n")
+
+
+def test_streams_and_pipes_keep_their_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe.pfm")
+    two = ["render", str(written(tmp_path, LEFT + RIGHT)), "--all-sensors", "--spp", "1", "--quiet"]
+    assert cli.main([*two, "-o", "a.pfm", "--stats", "/dev/stdout"]) == 0
+    assert capsys.readouterr().out.count('"samples_per_pixel": 1') == 2
+    assert cli.main([*two, "-o", "a.pfm", "--stats", "/dev/null"]) == 0
+    for words in ("-o pipe.pfm", "-o a.pfm --stats pipe.pfm"):
+        assert cli.main([*two, *words.split()]) == 1
+        message = "pipe.pfm is a pipe or a device; --all-sensors writes a file for each of 2 sensors"
+        assert capsys.readouterr().err == f"lajolla: error: {message}\n"
+    one = ["render", str(written(tmp_path, LEFT)), "--all-sensors", "--spp", "1", "--quiet"]
+    reader = subprocess.Popen(["cat", "pipe.pfm"], stdout=subprocess.PIPE)
+    assert cli.main([*one, "-o", "pipe.pfm"]) == 0
+    assert reader.communicate(timeout=30)[0].startswith(b"PF")
 
 
 def test_converted_batches_open_in_mitsuba(tmp_path: Path) -> None:

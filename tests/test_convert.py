@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -132,6 +133,37 @@ def test_packed_meshes_are_the_same(old_scene: Path, tmp_path: Path) -> None:
     original = _core.load_obj(str(tmp_path / "floor.obj"), flip_uvs=True)
     assert np.array_equal(read.vertices[read.faces], original.vertices[original.faces])
     assert np.array_equal(read.uvs[read.faces], original.uvs[original.faces])
+
+
+def test_old_files_and_new_ones_are_not_mixed(
+    old_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever file cannot be written."""
+    command = ["convert", "--pack", str(old_scene), str(tmp_path / "new.xml")]
+    assert cli.main(command) == 0
+    floor = tmp_path / "floor.obj"
+    floor.write_text(floor.read_text().replace("v -3 -1 -3", "v -4 -1 -3"))
+    old_scene.write_text(OLD_SCENE.replace('x="0.5" y="1"', 'x="0.5" y="2"'))
+
+    def contents() -> dict[str, bytes]:
+        return {str(path): path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+    before, replacing, failures = contents(), image.replacing, 0
+    while True:
+        left = iter(range(failures))
+
+        def failing(path: Path, left: Iterator[int] = left) -> AbstractContextManager[Path]:
+            if next(left, None) is None:
+                raise image.ImageError(f"{path}: no space left on the disk")
+            return replacing(path)
+
+        monkeypatch.setattr(image, "replacing", failing)
+        if cli.main(command) == 0:
+            break
+        assert contents() == before
+        failures += 1
+    assert failures > 2
+    assert len([path for path, content in contents().items() if before[path] != content]) == 2
 
 
 def test_what_cannot_be_written_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

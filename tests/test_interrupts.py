@@ -1,15 +1,19 @@
 """What signals, and streams that take nothing, do to a render: no picture is lost, no traceback is seen."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
-from lajolla import cli, image
+from lajolla import cli, display, image
+from lajolla.interrupts import Patience
+from lajolla.render import Progress
 
 SCENE = """<scene version="3.0.0">
     <integrator type="path"/>
@@ -82,12 +86,12 @@ def test_an_interrupted_start_is_one_line(module: str, number: signal.Signals) -
     assert result.stderr == "lajolla: interrupted; nothing was written\n"
 
 
-def interrupting(write: Callable[..., None]) -> Callable[..., None]:
-    """A way of writing files during which there is a signal."""
+def interrupting(action: Callable[..., None]) -> Callable[..., None]:
+    """An action during which there is a signal."""
 
     def interrupted(*arguments: object, **settings: object) -> None:
         os.kill(os.getpid(), signal.SIGINT)
-        write(*arguments, **settings)
+        action(*arguments, **settings)
 
     return interrupted
 
@@ -99,11 +103,60 @@ def test_saving_waits_for_the_picture(
     monkeypatch.setattr(image, "write", interrupting(image.write))
     assert cli.main("render room.xml -o a.exr --quiet".split()) == 130
     assert image.read("a.exr").mean() > 0
-    assert "once more ends at once" in capfd.readouterr().err
+    assert "lajolla: saving; press Ctrl-C again to quit without saving" in capfd.readouterr().err
 
 
-def test_who_does_not_wait_is_let_go() -> None:
-    code = """
+@pytest.mark.usefixtures("as_from_a_terminal")
+def test_a_signal_between_rendering_and_saving_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli.Patience, "save", interrupting(cli.Patience.save))
+    assert cli.main("render room.xml -o a.exr --quiet".split()) == 130
+    assert image.read("a.exr").mean() > 0
+
+
+def test_impatience_is_answered_before_the_save_too(capfd: pytest.CaptureFixture[str]) -> None:
+    patience = Patience("the picture")
+    for number in (signal.SIGTERM, signal.SIGINT):
+        patience(number, None)
+    assert capfd.readouterr().err == "lajolla: stopping; press Ctrl-C again to quit without saving\n"
+    assert patience.interrupt is not None and patience.interrupt.exit_code == 143
+
+
+@pytest.mark.usefixtures("as_from_a_terminal")
+def test_an_interrupted_conversion_is_complete_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cli, "_write_export", interrupting(cli._write_export))
+    assert cli.main("convert room.xml new.xml".split()) == 130
+    assert Path("new.xml").is_file()
+    assert capfd.readouterr().err.endswith("lajolla: interrupted; wrote new.xml\n")
+
+
+@pytest.mark.usefixtures("as_from_a_terminal")
+def test_no_callback_can_drop_an_interrupt(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    @contextmanager
+    def progress_display(**settings: object) -> Iterator[display.Observer]:
+        def observe(progress: Progress) -> None:
+            if progress.samples >= 1:
+                with suppress(BaseException):
+                    os.kill(os.getpid(), signal.SIGINT)
+
+        yield observe
+
+    monkeypatch.setattr(cli, "progress_display", progress_display)
+    assert cli.main("render room.xml -o a.exr --spp 4096".split()) == 130
+    error = capfd.readouterr().err
+    samples = re.search(r"interrupted; wrote a.exr with (\d+) of 4096 samples per pixel\n$", error)
+    assert samples and 1 <= int(samples[1]) < 4096
+
+
+@pytest.mark.parametrize(
+    ("command", "missing"),
+    [("render room.xml -o a.exr --quiet", "the picture"), ("convert room.xml new.xml", "the scene")],
+)
+def test_who_does_not_wait_is_let_go(command: str, missing: str) -> None:
+    code = f"""
 import os, signal, sys, time
 from lajolla import cli, image
 
@@ -112,11 +165,33 @@ def slow(*arguments, **settings):
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(0.3)
 
-image.write = slow
-sys.exit(cli.main("render room.xml -o a.exr --quiet".split()))
+image.write = cli._write_export = slow
+sys.exit(cli.main({command.split()}))
 """
+    words = [sys.executable, "-c", code]
+    result = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    assert result.returncode == 143
+    assert f"interrupted; {missing} may not be there" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_an_interrupt_in_the_second_sensor_does_not_deny_the_first() -> None:
+    code = """
+import os, signal, sys
+from lajolla import cli
+
+def load(arguments, load=cli.load):
+    if arguments.sensor == 1:
+        os.kill(os.getpid(), signal.SIGTERM)
+    return load(arguments)
+
+cli.load = load
+sys.exit(cli.main("render room.xml --all-sensors -o a.pfm --quiet".split()))
+"""
+    sensor = '<sensor type="perspective"/>'
+    Path("room.xml").write_text(SCENE.replace("<emitter", sensor + "<emitter"))
     command = [sys.executable, "-c", code]
     result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert result.returncode == 143
-    assert "interrupted; the picture may not be there" in result.stderr
-    assert "Traceback" not in result.stderr
+    assert [path.name for path in Path().glob("*.pfm")] == ["a-0.pfm"]
+    assert "lajolla: interrupted; nothing was written of sensor 1 and those after it" in result.stderr

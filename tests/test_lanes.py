@@ -52,7 +52,21 @@ COUNT = 200_001
 SMALLEST, LARGEST = 1.1754944e-38, 3.4028235e38  # of normal numbers
 SPECIAL = [0, 1e-45, 1e-39, SMALLEST, 1e-20, 0.5, 1, 2, 87.2, 87.4, 88.7, 88.8, 103, 1e10, LARGEST, np.inf]
 SPECIAL = np.array([*SPECIAL, *(-x for x in SPECIAL), np.nan], np.float32)
-ONE_ARGUMENT = ("exp", "log", "sin", "cos", "acos", "log1p", "expm1", "sqrt", "floor", "to_int", "isfinite")
+ONE_ARGUMENT = (
+    "exp",
+    "log",
+    "sin",
+    "cos",
+    "acos",
+    "log1p",
+    "expm1",
+    "tan",
+    "tanh",
+    "sqrt",
+    "floor",
+    "to_int",
+    "isfinite",
+)
 TWO_ARGUMENTS = ("pow", "atan2", "min", "max", "copysign")
 
 
@@ -92,6 +106,8 @@ ACCURACY: dict[str, tuple[str, np.ndarray, Function, float]] = {
     "log1p": ("log1p", of_all_sizes(1e-10, 1e30), lambda x, y: np.log1p(x), 3),
     "log1p of negative numbers": ("log1p", -of_all_sizes(1e-10, 0.9999), lambda x, y: np.log1p(x), 3),
     "expm1": ("expm1", of_both_signs(1e-10, 80), lambda x, y: np.expm1(x), 3),
+    "tan": ("tan", of_both_signs(1e-10, 1.5), lambda x, y: np.tan(x), 4),
+    "tanh": ("tanh", of_both_signs(1e-10, 80), lambda x, y: np.tanh(x), 4),
     "acos": ("acos", within(-1, 1), lambda x, y: np.arccos(x), 4),
     "acos near one": ("acos", 1 - of_all_sizes(1e-7, 0.1), lambda x, y: np.arccos(x), 4),
 }

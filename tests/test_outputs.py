@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from reader_tools import messages
 
-from lajolla import cli, image
+from lajolla import image
 from lajolla.scene import export, load_description
 from lajolla.scene.voxels import vol_bytes
 
@@ -87,6 +87,40 @@ with image.replacing(Path("a.npy")) as temporary:
     assert sorted(os.listdir()) == [".other.npy", "a.npy", "b.npy"]
 
 
+def left_by(process: object) -> Path:
+    """The name of a temporary file for a.npy that another process would have."""
+    with image.replacing(Path("a.npy")) as ours:
+        ours.write_text("")
+    return Path(ours.name.replace(str(os.getpid()), str(process), 1))
+
+
+def dead_process() -> int:
+    child = subprocess.Popen(["true"])
+    child.wait()
+    return child.pid
+
+
+def test_what_cannot_be_removed_does_not_matter() -> None:
+    left_by(dead_process()).mkdir()  # as another user's file in a folder like /tmp
+    left_by(10**30).touch()
+    left_by("x").touch()
+    image.write(Path("a.npy"), PICTURE)
+    assert Path("a.npy").stat().st_size > 0
+
+
+def test_process_ids_of_other_containers_mean_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = os.readlink
+    space = "/proc/self/ns/pid"
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr(os, "readlink", lambda path: "pid:[1]" if path == space else link(path))
+        theirs = left_by(dead_process())
+    theirs.write_text("being written")
+    ours = left_by(dead_process())
+    ours.write_text("abandoned")
+    image.write(Path("a.npy"), PICTURE)
+    assert theirs.exists() and not ours.exists()
+
+
 @pytest.mark.parametrize("ending", image.ENDINGS)
 def test_names_of_any_bytes(ending: str) -> None:
     os.mkdir(NAME)
@@ -140,7 +174,10 @@ def test_scenes_whose_files_have_any_names(latin: Path) -> None:
 
 
 def test_what_xml_cannot_name_is_copied_when_a_scene_is_converted(latin: Path, tmp_path: Path) -> None:
-    assert cli.main(["convert", str(latin), str(tmp_path / f"{NAME}.xml")]) == 0
+    command = [sys.executable, "-m", "lajolla", "convert", str(latin), f"{NAME}.xml"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert result.returncode == 0
+    assert result.stderr.endswith("files in caf?-files\n") and Path("caf?-files").is_dir()
     assert messages(load_description(tmp_path / f"{NAME}.xml"), tmp_path) == []
 
 

@@ -143,6 +143,29 @@ def test_strategies_agree_on_shells(material: str, smooth: bool) -> None:
         check_same_mean(f"{material}, {integrator}", found, reference)
 
 
+def stained_glass(filter_type: str) -> _core.Scene:
+    """A sheet of black and clear squares under a white sky, many of them in each pixel."""
+    squares = np.indices((64, 64)).sum(axis=0)[..., None] % 2
+    image = _core.Image(squares.astype(np.float32), srgb=False)
+    return make_scene(
+        shapes=[PLANE],
+        emitters=[SKY],
+        textures=[{"type": "bitmap", "image": image, "filter_type": filter_type}],
+        bsdfs=[{**GLASS, "specular_transmittance": {"texture": 0}}],
+        materials=[{"front": 0, "back": 0}],
+        sensor={"type": "perspective", "fov": 20, "to_world": look_at((0, 0, 200), (0, 0, 0)).tolist()},
+        size=(4, 4),
+        max_depth=4,
+    )
+
+
+@pytest.mark.parametrize("filter_type", ["trilinear", "ewa"])
+def test_filtering_keeps_the_brightness_of_stained_glass(filter_type: str) -> None:
+    """Whether light passes and what is reflected go by the same value of the texture."""
+    reference = batch_means(stained_glass("nearest"), 1000)
+    check_same_mean(filter_type, batch_means(stained_glass(filter_type), 1000), reference)
+
+
 @pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize("material", ["pane", "holes", "two panes"])
 def test_clear_shells_are_white_under_a_white_sky(material: str, smooth: bool) -> None:

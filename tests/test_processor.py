@@ -76,11 +76,30 @@ def test_builds_are_found_in_every_folder_of_the_package(
 
 def test_the_processor_of_this_machine_has_flags() -> None:
     if sys.platform == "linux" and os.uname().machine == "x86_64":
-        assert {"fpu", "sse2"} <= processor.processor_flags()
+        assert {"fpu", "sse2"} <= (processor.processor_flags() or set())
+
+
+def test_of_an_unknown_processor_the_lowest_level_is_taken() -> None:
+    """As under an emulator, where /proc/cpuinfo is that of another architecture."""
+    assert choose(ALL, None) == ALL[0]
+    assert choose(ALL, None, ALL[2]) == ALL[2]
+
+
+@pytest.mark.parametrize("state", ["wheel", "editable"])
+def test_builds_of_ci_have_the_same_levels(repository: Path, state: str) -> None:
+    """Settings of pyproject.toml that a condition adds to, instead of replacing all of them."""
+    from scikit_build_core.settings.skbuild_read_settings import SettingsReader
+
+    def defined(env: dict[str, str]) -> dict[str, object]:
+        reader = SettingsReader.from_file(repository / "pyproject.toml", state=state, env=env)
+        return {name: str(value) for name, value in reader.settings.cmake.define.items()}
+
+    assert defined({"CI": "true"}) == {**defined({}), "LAJOLLA_WERROR": "TRUE"}
+    assert defined({})["LAJOLLA_ISA"] == ("all" if state == "wheel" else "native")
 
 
 def test_the_build_makes_the_levels_that_the_package_knows(repository: Path) -> None:
-    assert f"set(found {' '.join(ALL)})" in (repository / "cmake" / "isa.cmake").read_text()
+    assert f"set(levels {' '.join(ALL)})" in (repository / "cmake" / "isa.cmake").read_text()
 
 
 def run(code: str, *, level: str) -> subprocess.CompletedProcess[str]:

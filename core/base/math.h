@@ -133,6 +133,11 @@ template <class Float>
 Float cos(Float x) {
     return sine_cosine(x).cosine;
 }
+template <class Float>
+Float tan(Float x) {
+    const auto [sine, cosine] = sine_cosine(x);
+    return sine / cosine;
+}
 
 // 0 below about -87, infinity above about 88.
 template <class Float>
@@ -179,6 +184,11 @@ template <class Float>
 Float expm1(Float x) {
     const Float y = exp(x);
     return select(y == 1.0f, x, select(abs(x) > 1.0f, y - 1, (y - 1) * (x / log(y))));
+}
+template <class Float>
+Float tanh(Float x) {
+    const Float below = expm1(-2 * abs(x));
+    return copysign(-below / (2 + below), x);
 }
 
 // Of x >= 0.

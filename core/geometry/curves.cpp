@@ -112,13 +112,13 @@ void Curves::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, 
     hit.shading_normal = hit.normal;
 
     const Around frame = around(tangent);
-    const float angle = std::atan2(dot(frame.up, radial), dot(frame.across, radial));
+    const float angle = atan2(dot(frame.up, radial), dot(frame.across, radial));
     const float turn = angle * (0.5f * inv_pi), count = static_cast<float>(curves->segments.size());
     hit.uv =
         hit.barycentric = {turn < 0 ? turn + 1 : turn, (static_cast<float>(found.primitive) + v) / count};
     hit.dp_du = cross(tangent, hit.position - s.center) * (2 * pi);
     const Vec3f tangent_change = speed > 0 ? (s.bend - tangent * dot(tangent, s.bend)) / speed : Vec3f(0);
-    const Vec3f turned = turning(tangent, tangent_change, frame, std::cos(angle), std::sin(angle));
+    const Vec3f turned = turning(tangent, tangent_change, frame, cos(angle), sin(angle));
     hit.dp_dv = (s.tangent + radial * s.growth + turned * s.radius) * count;
 
     // Around the tube, and along it where it bends; the ends of cones are spheres.

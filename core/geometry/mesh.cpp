@@ -34,7 +34,7 @@ Vec3f unit_or_zero(Vec3f v) {
     return l > 0 && std::isfinite(l) ? v / l : Vec3f(0);
 }
 
-float angle_between(Vec3f a, Vec3f b) { return std::atan2(length(cross(a, b)), dot(a, b)); }
+float angle_between(Vec3f a, Vec3f b) { return atan2(length(cross(a, b)), dot(a, b)); }
 
 // The attributes of the vertices, and of the faces, that became those of `target`; no faces: all stayed.
 void copy_attributes(const Mesh &mesh, const std::vector<std::uint32_t> &vertices,
@@ -147,7 +147,7 @@ Mesh with_smooth_normals(const Mesh &mesh, float max_angle) {
     result.triangles = mesh.triangles;
     std::vector<std::uint32_t> source; // the original vertex of each new one
     std::vector<std::vector<std::uint32_t>> made(mesh.positions.size()); // new vertices of each original one
-    const float cos_max = std::cos(max_angle);
+    const float cos_max = cos(max_angle);
     for (std::uint32_t f = 0; f < face_count; ++f)
         for (std::uint32_t &index : result.triangles[f]) {
             const std::uint32_t old = index;

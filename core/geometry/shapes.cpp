@@ -18,7 +18,7 @@ float similarity_scale(const Transform &t, const char *shape) {
 }
 
 float turns(float y, float x) { // the angle of (x, y), where a full turn is one
-    const float turn = std::atan2(y, x) * (0.5f * inv_pi);
+    const float turn = atan2(y, x) * (0.5f * inv_pi);
     return turn < 0 ? turn + 1 : turn;
 }
 
@@ -123,7 +123,7 @@ void Sphere::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &ne
     const Vec3f local = axes.to_local(outward);
     const float r = std::sqrt(local.x * local.x + local.y * local.y);
     const float cos_phi = r > 0 ? local.x / r : 1, sin_phi = r > 0 ? local.y / r : 0;
-    hit.uv = hit.barycentric = {turns(local.y, local.x), std::atan2(r, local.z) * inv_pi};
+    hit.uv = hit.barycentric = {turns(local.y, local.x), atan2(r, local.z) * inv_pi};
     hit.dp_du = axes.to_world(Vec3f{-sin_phi * r, cos_phi * r, 0} * (2 * pi * radius));
     hit.dp_dv = axes.to_world(Vec3f{local.z * cos_phi, local.z * sin_phi, -r} * (pi * radius));
 }
@@ -278,8 +278,8 @@ void Cylinder::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &
 }
 
 SurfaceSample Cylinder::sample(float, Vec2f u) const {
-    const float phi = 2 * pi * u.x;
-    return at({std::cos(phi), std::sin(phi)}, u.y * height);
+    const auto [sine, cosine] = sine_cosine(2 * pi * u.x);
+    return at({cosine, sine}, u.y * height);
 }
 
 } // namespace lajolla

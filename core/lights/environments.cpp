@@ -23,7 +23,7 @@ void EnvironmentMap::build() {
     for (std::uint32_t y = 0; y < rows; ++y) {
         const float low = pi * static_cast<float>(y) / static_cast<float>(rows);
         const float high = pi * static_cast<float>(y + 1) / static_cast<float>(rows);
-        const float band = std::cos(low) - std::cos(high); // solid angle of the row over 2 pi
+        const float band = cos(low) - cos(high); // solid angle of the row over 2 pi
         const std::uint32_t below = std::min(y + 1, image->height - 1);
         for (std::uint32_t x = 0; x < width; ++x) {
             const std::uint32_t right = (x + 1) % width;

@@ -43,11 +43,11 @@ void SpotLight::build() {
     if (beam_width < 0) beam_width = 0.75f * cutoff_angle;
     if (beam_width > cutoff_angle) throw std::invalid_argument("beam_width is larger than cutoff_angle");
     axes_ = frame_around(normalize(to_world.vector({0, 0, 1})));
-    square_ = std::tan(cutoff_angle * degrees);
+    square_ = tan(cutoff_angle * degrees);
 }
 
 float SpotLight::falloff(float cos_angle) const {
-    const float angle = std::acos(std::clamp(cos_angle, -1.0f, 1.0f)) / degrees;
+    const float angle = acos(std::clamp(cos_angle, -1.0f, 1.0f)) / degrees;
     if (angle <= beam_width) return 1;
     return angle >= cutoff_angle ? 0 : (cutoff_angle - angle) / (cutoff_angle - beam_width);
 }
@@ -68,9 +68,8 @@ float SpotLight::power(std::span<const TextureModel> textures, const BoundingSph
         for (int j = 0; j < turns; ++j) {
             const float angle = (static_cast<float>(i) + 0.5f) * last / static_cast<float>(steps);
             const float phi = 2 * pi * (static_cast<float>(j) + 0.5f) / static_cast<float>(turns);
-            const Vec3f local{std::sin(angle) * std::cos(phi), std::sin(angle) * std::sin(phi),
-                              std::cos(angle)};
-            sum += luminance(shine(axes_.to_world(local), textures)) * std::sin(angle);
+            const Vec3f local{sin(angle) * cos(phi), sin(angle) * sin(phi), cos(angle)};
+            sum += luminance(shine(axes_.to_world(local), textures)) * sin(angle);
         }
     return 2 * pi * last * static_cast<float>(sum / (steps * turns));
 }
@@ -89,7 +88,7 @@ DirectSample<float> SpotLight::sample_direct(const Vec3f &p, float, Vec2f,
 void Projector::build() {
     to_local_ = inverse_of(to_world, "projector");
     axis_ = normalize(to_world.vector({0, 0, 1}));
-    half_width_ = std::tan(fov * degrees / 2);
+    half_width_ = tan(fov * degrees / 2);
     half_height_ = half_width_ / aspect;
 }
 

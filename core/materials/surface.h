@@ -30,9 +30,9 @@ struct ShadingNormal {
 // Of a model, or of any: LobeType is a model's lobe, or the variant of all.
 template <class Float, class LobeType>
 struct Surface {
-    BoolOf<Float> black = true;  // nothing is scattered: the rest is meaningless
-    BoolOf<Float> delta = false; // or as good as: only sampling the lobe finds where it scatters
-    Float stopped = 1;           // the probability that light does not pass straight through
+    BoolOf<Float> black = true;       // nothing is scattered: the rest is meaningless
+    BoolOf<Float> delta = false;      // or as good as: only sampling the lobe finds where it scatters
+    Float scattering_probability = 1; // that light does not pass straight through
     Frame<Float> frame;
     Vec3<Float> wo; // local
     LobeType lobe;
@@ -50,7 +50,7 @@ struct Surface {
         return result;
     }
     BsdfSample<Float> sample(Float u_lobe, const Vec2<Float> &u) const {
-        BsdfSample<Float> result = sample_lobe(u_lobe * stopped, u);
+        BsdfSample<Float> result = sample_lobe(u_lobe * scattering_probability, u);
         if (any(normal.differs)) {
             const Float visible = normal.visible(wo, result.wi);
             result.weight *= visible;

@@ -8,9 +8,9 @@
 // `prepare(read)`; it is then run lane by lane.
 //
 // Directions are in the local frame (n = +z) and point away from the surface; `wo` is the known side, `wi`
-// the generated side. Lobes that are not `transmissive` see wo.z > 0 only. eval() is joint: the value times
-// |cos wi| and the density per solid angle; both vanish for delta lobes. The density of the reverse direction
-// is eval(wi, wo).pdf.
+// the generated side. Lobes that are not `transmissive` see wo.z > 0 only, but in lanes that are off. eval()
+// is joint: the value times |cos wi| and the density per solid angle; both vanish for delta lobes. The
+// density of the reverse direction is eval(wi, wo).pdf.
 //
 // Lobes do not contain the eta^2 that radiance gains at a refracting boundary: transport applies it once.
 

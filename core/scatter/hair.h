@@ -4,7 +4,6 @@
 
 #include "scatter/bsdf.h"
 #include "scatter/fresnel.h"
-#include "scatter/microfacet.h"
 
 namespace lajolla {
 
@@ -73,13 +72,13 @@ struct Hair {
         float roughness() const { return 1; }
 
         BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
-            const Arrival arrival(wo, *fibre, sigma_a);
-            return value(arrival, longitude(wi), atan2(wi.z, wi.x) - arrival.phi);
+            const Outgoing outgoing(wo, *fibre, sigma_a);
+            return value(outgoing, longitude(wi), atan2(wi.z, wi.x) - outgoing.phi);
         }
 
         BsdfSample<Float> sample(const Vec3<Float> &wo, Float u_lobe, const Vec2<Float> &u) const {
-            const Arrival arrival(wo, *fibre, sigma_a);
-            const Chosen lobe = choose(arrival, u_lobe);
+            const Outgoing outgoing(wo, *fibre, sigma_a);
+            const Chosen lobe = choose(outgoing, u_lobe);
 
             // d'Eon et al. 2013, "Importance Sampling for Physically-Based Hair Fiber Models"; in terms of
             // 1 - cos, which stays exact for narrow lobes
@@ -90,8 +89,8 @@ struct Hair {
             const Float cosine = safe_sqrt(1 - sine * sine);
             const Float turn =
                 select(lobe.is_last, 2 * pi * lobe.rest, lobe.exit + sample_logistic(lobe.rest));
-            const auto [sin_phi, cos_phi] = sine_cosine(arrival.phi + turn);
-            const BsdfEval<Float> e = value(arrival, {cosine, sine}, turn);
+            const auto [sin_phi, cos_phi] = sine_cosine(outgoing.phi + turn);
+            const BsdfEval<Float> e = value(outgoing, {cosine, sine}, turn);
             return {lobe.probability > 0.0f && e.pdf > 1e-30f,
                     normalize(Vec3<Float>{cosine * cos_phi, sine, cosine * sin_phi}), e.f_cos / e.pdf, e.pdf};
         }
@@ -101,14 +100,14 @@ struct Hair {
         static Vec2<Float> longitude(const Vec3<Float> &w) { return {sqrt(w.x * w.x + w.z * w.z), w.y}; }
 
         // What depends on wo alone.
-        struct Arrival {
+        struct Outgoing {
             Vec2<Float> theta;      // longitude
             Float phi;              // azimuth, from x to z
             Float gamma_o, gamma_t; // between the normal and the ray across the fibre, outside and inside
             std::array<Rgb<Float>, 4> attenuation;
             std::array<Float, 4> probability;
 
-            Arrival(const Vec3<Float> &wo, const Fibre &fibre, const Rgb<Float> &sigma_a)
+            Outgoing(const Vec3<Float> &wo, const Fibre &fibre, const Rgb<Float> &sigma_a)
                 : theta(longitude(wo)), phi(atan2(wo.z, wo.x)), gamma_o(atan2(-wo.x, wo.z)) {
                 const Float cosine = max(theta.x, Float(1e-6f)), h = -wo.x / cosine;
                 const Float inside = max(safe_sqrt(sqr(fibre.eta) - sqr(theta.y)),
@@ -147,29 +146,29 @@ struct Hair {
             Vec2<Float> from;             // tilted longitude
             BoolOf<Float> is_last = true; // of all passages through the fibre from the third on
         };
-        Chosen choose(const Arrival &arrival, Float u) const {
-            Chosen chosen{u, arrival.probability[0], fibre->variance[0], arrival.exit(0),
-                          arrival.tilted(0, *fibre)};
+        Chosen choose(const Outgoing &outgoing, Float u) const {
+            Chosen chosen{u, outgoing.probability[0], fibre->variance[0], outgoing.exit(0),
+                          outgoing.tilted(0, *fibre)};
             for (std::size_t p = 1; p < 4; ++p) {
                 const auto further = chosen.is_last && chosen.rest >= chosen.probability;
                 chosen.rest = select(further, chosen.rest - chosen.probability, chosen.rest);
-                chosen.probability = select(further, arrival.probability[p], chosen.probability);
+                chosen.probability = select(further, outgoing.probability[p], chosen.probability);
                 chosen.variance = select(further, Float(fibre->variance[p]), chosen.variance);
-                chosen.exit = select(further, arrival.exit(p), chosen.exit);
-                chosen.from = select(further, arrival.tilted(p, *fibre), chosen.from);
+                chosen.exit = select(further, outgoing.exit(p), chosen.exit);
+                chosen.from = select(further, outgoing.tilted(p, *fibre), chosen.from);
                 chosen.is_last = further;
             }
             chosen.rest = min(chosen.rest / chosen.probability, Float(one_minus_ulp));
             return chosen;
         }
 
-        BsdfEval<Float> value(const Arrival &arrival, const Vec2<Float> &theta, Float turn) const {
+        BsdfEval<Float> value(const Outgoing &outgoing, const Vec2<Float> &theta, Float turn) const {
             BsdfEval<Float> sum;
             for (std::size_t p = 0; p < 4; ++p) {
-                const Float m = longitudinal(p, arrival.tilted(p, *fibre), theta);
-                const Float n = p < 3 ? azimuthal(turn - arrival.exit(p)) : Float(inv_pi / 2);
-                sum.f_cos += arrival.attenuation[p] * (m * n);
-                sum.pdf += arrival.probability[p] * (m * n);
+                const Float m = longitudinal(p, outgoing.tilted(p, *fibre), theta);
+                const Float n = p < 3 ? azimuthal(turn - outgoing.exit(p)) : Float(inv_pi / 2);
+                sum.f_cos += outgoing.attenuation[p] * (m * n);
+                sum.pdf += outgoing.probability[p] * (m * n);
             }
             return sum;
         }
@@ -199,17 +198,17 @@ struct Hair {
         check_indices(int_ior, ext_ior);
         const float m = max(longitudinal_roughness, 0.05f), n = max(azimuthal_roughness, 0.02f);
         // Fits of Chiang et al. 2016, section 4.1
-        const float v = sqr(0.726f * m + 0.812f * m * m + 3.7f * std::pow(m, 20.0f));
-        const float s = std::sqrt(pi / 8) * (0.265f * n + 1.194f * n * n + 5.372f * std::pow(n, 22.0f));
+        const float v = sqr(0.726f * m + 0.812f * m * m + 3.7f * pow(m, 20.0f));
+        const float s = std::sqrt(pi / 8) * (0.265f * n + 1.194f * n * n + 5.372f * pow(n, 22.0f));
         fibre_.eta = int_ior / ext_ior;
         fibre_.variance = {v, v / 4, 4 * v, 4 * v};
         for (std::size_t p = 0; p < 4; ++p)
-            fibre_.area[p] = fibre_.variance[p] * -std::expm1(-2 / fibre_.variance[p]);
+            fibre_.area[p] = fibre_.variance[p] * -expm1(-2 / fibre_.variance[p]);
         fibre_.logistic = s;
-        fibre_.logistic_area = s * std::tanh(pi / (2 * s));
+        fibre_.logistic_area = s * tanh(pi / (2 * s));
         const float tilt = scale_tilt * (pi / 180), factors[]{-2, 1, 4};
         for (std::size_t p = 0; p < 3; ++p)
-            fibre_.tilts[p] = {std::cos(factors[p] * tilt), std::sin(factors[p] * tilt)};
+            fibre_.tilts[p] = {cos(factors[p] * tilt), sin(factors[p] * tilt)};
     }
     template <class Float>
     Lobe<Float> prepare(const auto &read) const {

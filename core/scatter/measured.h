@@ -171,11 +171,11 @@ inline float Measurement::roughness_of(const MeasuredTables::Square &ndf) {
         float sum = 0;
         for (std::size_t y = 0; y < height; ++y)
             sum += ndf.nodes[y * width + x - 1] + ndf.nodes[y * width + x];
-        below[x] = below[x - 1] + sum * std::sin(2 * theta) * (elevation_of(x) - elevation_of(x - 1));
+        below[x] = below[x - 1] + sum * sin(2 * theta) * (elevation_of(x) - elevation_of(x - 1));
     }
     const auto half = std::lower_bound(below.begin(), below.end() - 1, below.back() / 2);
     const float theta = elevation_of(static_cast<std::size_t>(half - below.begin()));
-    return std::clamp(std::sin(theta) / std::max(std::cos(theta), 1e-3f), 0.001f, 1.0f);
+    return std::clamp(sin(theta) / max(cos(theta), 1e-3f), 0.001f, 1.0f);
 }
 
 struct Measured {

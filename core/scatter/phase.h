@@ -47,8 +47,9 @@ constexpr float deflection(Vec3f wo, Vec3f wi) { return length_squared(wo + wi) 
 
 // The direction at 1 - cos(theta) = height from an axis, turned by u.
 inline Vec3f direction_around(Vec3f axis, float height, float u) {
-    const float r = safe_sqrt(height * (2 - height)), phi = 2 * pi * u;
-    return frame_around(axis).to_world({r * std::cos(phi), r * std::sin(phi), 1 - height});
+    const float r = safe_sqrt(height * (2 - height));
+    const auto [sine, cosine] = sine_cosine(2 * pi * u);
+    return frame_around(axis).to_world({r * cosine, r * sine, 1 - height});
 }
 
 } // namespace lajolla

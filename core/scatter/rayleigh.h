@@ -19,7 +19,7 @@ struct Rayleigh {
         // Cardano's root of the cumulative distribution (Frisvad 2011, "Importance sampling the Rayleigh
         // phase function").
         PhaseSample sample(Vec3f wo, Vec2f u) const {
-            const float z = 4 * u.x - 2, root = std::cbrt(std::abs(z) + std::sqrt(z * z + 1));
+            const float z = 4 * u.x - 2, root = pow(abs(z) + sqrt(z * z + 1), 1.0f / 3);
             const float cosine = std::min(root - 1 / root, 1.0f);
             const Vec3f wi = direction_around(z < 0 ? wo : -wo, 1 - cosine, u.y);
             return {wi, eval(wo, wi)};

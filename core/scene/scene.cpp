@@ -231,11 +231,11 @@ AnySurface Scene::surface(const Choice &choice, const Hit<float> &hit, const Vec
                       1,
                       frame,
                       local,
-                      prepare(parts_.bsdfs[static_cast<std::size_t>(id)], filtered_reader(hit, wo)),
+                      prepare(parts_.bsdfs[static_cast<std::size_t>(id)], bsdf_reader(traits, hit, wo)),
                       shading_normal};
     result.delta = result.delta || roughness(result.lobe) < least_roughness();
     if (traits.null_transmission)
-        result.stopped = 1 - lajolla::null_transmission(result.lobe, local).probability;
+        result.scattering_probability = 1 - lajolla::null_transmission(result.lobe, local).probability;
     return result;
 }
 

@@ -134,6 +134,13 @@ public:
     TextureReader<Float> unfiltered_reader(const Hit<Float> &hit) const {
         return {parts_.textures, {hit.uv, &hit, parts_.shapes.data(), Vec3<Float>(0), false}};
     }
+    // For the parameters of a BSDF. Whether light passes straight through is decided with what a point has,
+    // and the rest of that BSDF has to go with it.
+    template <class Float>
+    TextureReader<Float> bsdf_reader(const BsdfTraits &traits, const Hit<Float> &hit,
+                                     const Vec3<Float> &wo) const {
+        return traits.null_transmission ? unfiltered_reader(hit) : filtered_reader(hit, wo);
+    }
     const Materials &materials() const { return materials_; }
 
     // The plain BSDFs of a material's two sides, -1 for black: nothing where there are adapters, or where

@@ -10,7 +10,7 @@ constexpr float degrees = pi / 180;
 
 // Half the width of the picture at unit distance.
 float half_width_of(float fov, FovAxis axis, float aspect) {
-    const float half = std::tan(fov * degrees / 2);
+    const float half = tan(fov * degrees / 2);
     switch (axis) {
     case FovAxis::y: return half * aspect;
     case FovAxis::diagonal: return half / std::sqrt(1 + 1 / sqr(aspect));

@@ -71,7 +71,7 @@ struct GaussianFilter {
     }
     float radius() const { return 4 * stddev; }
     float operator()(float x) const {
-        const auto bell = [&](float t) { return std::exp(-t * t / (2 * stddev * stddev)); };
+        const auto bell = [&](float t) { return exp(-t * t / (2 * stddev * stddev)); };
         return std::max(bell(x) - bell(radius()), 0.0f);
     }
 };
@@ -117,7 +117,7 @@ struct LanczosFilter {
     }
     float radius() const { return static_cast<float>(lobes); }
     float operator()(float x) const {
-        const auto sinc = [](float t) { return std::abs(t) < 1e-5f ? 1 : std::sin(pi * t) / (pi * t); };
+        const auto sinc = [](float t) { return std::abs(t) < 1e-5f ? 1 : sin(pi * t) / (pi * t); };
         return std::abs(x) < radius() ? sinc(x) * sinc(x / radius()) : 0;
     }
 };

@@ -58,9 +58,9 @@ void Direct::follow(const Scene &scene, Tracer &tracer, std::optional<RayHit> fo
                     F &&scatter_at) const {
     for (; found; found = tracer.closest(walk.path.ray)) {
         const Hit<float> hit = scene.hit(walk.path.ray, *found, walk.path.cone, scene.needs());
-        const Path::Course course = path_.meet(scene, hit, walk);
-        if (course == Path::Course::stopped) return scatter_at(hit);
-        if (course == Path::Course::ended) return;
+        const Path::Outcome outcome = path_.meet(scene, hit, walk);
+        if (outcome == Path::Outcome::stopped) return scatter_at(hit);
+        if (outcome == Path::Outcome::ended) return;
     }
     path_.leave_scene(scene, walk);
 }

@@ -5,7 +5,7 @@
 
 #include "base/sampler.h"
 #include "scene/scene.h"
-#include "transport/camera_sample.h"
+#include "transport/primary_ray.h"
 
 namespace lajolla {
 

@@ -122,18 +122,18 @@ private:
 namespace detail {
 
 inline Spectrum exp_minus(const Spectrum &sigma, float distance) {
-    const auto one = [&](float s) { return s > 0 ? std::exp(-s * distance) : 1.0f; };
+    const auto one = [&](float s) { return s > 0 ? exp(-s * distance) : 1.0f; };
     return {one(sigma.x), one(sigma.y), one(sigma.z)};
 }
 
 // The integral of exp(-sigma s) over s from 0 to `distance`.
 inline Spectrum mean_free_part(const Spectrum &sigma, float distance) {
-    const auto one = [&](float s) { return s > 0 ? -std::expm1(-s * distance) / s : distance; };
+    const auto one = [&](float s) { return s > 0 ? -expm1(-s * distance) / s : distance; };
     return {one(sigma.x), one(sigma.y), one(sigma.z)};
 }
 
 // The optical thickness until the next collision.
-inline float sample_thickness(float u) { return -std::log1p(-u); }
+inline float sample_thickness(float u) { return -log1p(-u); }
 
 } // namespace detail
 

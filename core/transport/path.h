@@ -18,8 +18,8 @@
 #include "base/fields.h"
 #include "base/sampler.h"
 #include "scene/scene.h"
-#include "transport/camera_sample.h"
 #include "transport/media.h"
+#include "transport/primary_ray.h"
 #include "transport/vertex.h"
 #include "transport/visibility.h"
 
@@ -130,6 +130,7 @@ struct Path {
         if (scene.reads_footprints())
             path.cone = hit.footprint.scattered(hit.mean_curvature, sample.width, sample.eta);
         path.depth += 1;
+        path.null_transmissions = 0;
     }
     // Russian roulette on the throughput without its eta^2, so that entering glass does not make paths die;
     // `highest` chance of survival. False where the path ends.
@@ -185,9 +186,9 @@ struct Path {
               Walk<Medium> &walk) const;
 
     // What becomes of a path at a surface that its ray meets, whose light it gathers.
-    enum class Course { passed, stopped, ended };
+    enum class Outcome { passed, stopped, ended };
     template <class Medium>
-    Course meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const;
+    Outcome meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const;
     // Gathers the light around the scene, where the ray meets nothing.
     template <class Medium>
     void leave_scene(const Scene &scene, Walk<Medium> &walk) const;
@@ -298,6 +299,7 @@ inline void Path::scatter_in_medium(const Scene &scene, Tracer &tracer, const Sa
     path.delta = false;
     path.ray = {vertex.point, scattered.wi};
     ++path.depth;
+    path.null_transmissions = 0;
 }
 
 template <class Medium>
@@ -323,12 +325,12 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
 }
 
 template <class Medium>
-Path::Course Path::meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const {
+Path::Outcome Path::meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const {
     PathState<float> &path = walk.path;
     const bool hidden = hide_emitters && path.depth == 1 && hit.emitter >= 0;
     if (hit.emitter >= 0 && !hidden) walk.radiance += path.throughput * emitted(scene, path, hit);
-    if (!passes_through(scene, hit, hidden, path, walk.medium)) return Course::stopped;
-    return path.null_transmissions > max_null_transmissions ? Course::ended : Course::passed;
+    if (!passes_through(scene, hit, hidden, path, walk.medium)) return Outcome::stopped;
+    return path.null_transmissions > max_null_transmissions ? Outcome::ended : Outcome::passed;
 }
 
 template <class Medium>
@@ -356,8 +358,8 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
         return false;
     }
     const Hit<float> hit = scene.hit(path.ray, *found, path.cone, scene.needs());
-    const Course course = meet(scene, hit, walk);
-    if (course != Course::stopped) return course == Course::passed;
+    const Outcome outcome = meet(scene, hit, walk);
+    if (outcome != Outcome::stopped) return outcome == Outcome::passed;
     if (path.depth == max_depth || !surfaces_scatter) return false;
     if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return false;
     if (!is_finite(path.throughput)) [[unlikely]] {

@@ -77,10 +77,10 @@ Spectrum to_xyz(Spectrum c) {
 float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sampler, PrimaryRay &primary,
             Tracer &tracer) {
     return match(integrator, [&](const auto &model) {
-        if constexpr (requires { model.version; })
+        if constexpr (requires { model.medium(scene, primary.camera(), sampler); })
             if (!scene.media().empty())
                 return coverage(scene, tracer, primary, model.hide_emitters,
-                                InMedia(scene, primary.camera(), sampler, model.version > 1));
+                                model.medium(scene, primary.camera(), sampler));
         if constexpr (requires { model.hide_emitters; })
             return coverage(scene, tracer, primary, model.hide_emitters, Vacuum());
         else return primary.found() ? 1.0f : 0.0f;

@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "transport/ao.h"
-#include "transport/camera_sample.h"
 #include "transport/direct.h"
 #include "transport/first_hit.h"
 #include "transport/path.h"
+#include "transport/primary_ray.h"
 #include "transport/volpath.h"
 
 namespace lajolla {

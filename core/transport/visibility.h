@@ -21,7 +21,8 @@ Ray<Float> shadow_ray(const Vec3<Float> &origin, Float origin_error, const Direc
 }
 
 // What remains of a sampled light after its shadow ray, of which the first hit was found; nothing where
-// something opaque is in between. `error` is that of the ray's origin.
+// something opaque is in between. `error` is that of the vertex, before whose
+// light each part of the ray ends.
 template <class Medium>
 std::optional<typename Medium::Transmittance>
 transmittance(const Scene &scene, Tracer &tracer, Ray<float> ray, std::optional<RayHit> found, float error,

@@ -33,6 +33,10 @@ struct VolPath : Path {
         if (is_vacuum(scene)) return trace<Vacuum>(scene, tracer, sampler, primary);
         return trace<InMedia>(scene, tracer, sampler, primary);
     }
+    // What a camera ray goes through.
+    InMedia medium(const Scene &scene, const CameraRay<float> &camera, const Sampler &sampler) const {
+        return InMedia(scene, camera, sampler, media_scatter);
+    }
     bool is_vacuum(const Scene &scene) const { return scene.media().empty() && surfaces_scatter; }
 };
 

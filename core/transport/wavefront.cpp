@@ -371,12 +371,16 @@ template <class Model>
     active = active && !black;
     if (!any(active)) return;
     Surface<WideFloat, LobeOf<Model, WideFloat>> surface{
-        black,         traits.delta,       1,
-        frame,         frame.to_local(wo), prepare_lobe<WideFloat>(model, scene_.filtered_reader(hit, wo)),
+        black,
+        traits.delta,
+        1,
+        frame,
+        frame.to_local(wo),
+        prepare_lobe<WideFloat>(model, scene_.bsdf_reader(traits, hit, wo)),
         shading_normal};
     surface.delta = surface.delta || WideFloat(surface.lobe.roughness()) < scene_.least_roughness();
     if constexpr (requires { surface.lobe.null_transmission(wo); })
-        surface.stopped = 1 - surface.lobe.null_transmission(surface.wo).probability;
+        surface.scattering_probability = 1 - surface.lobe.null_transmission(surface.wo).probability;
 
     const WideBool lightable = active && !surface.delta;
     if (task != Task::sample_direction && !scene_.lights().empty() && any(lightable)) {

@@ -11,8 +11,8 @@
 #include <span>
 #include <vector>
 
-#include "transport/camera_sample.h"
 #include "transport/path.h"
+#include "transport/primary_ray.h"
 
 namespace lajolla {
 

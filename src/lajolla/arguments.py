@@ -4,10 +4,13 @@ import argparse
 import difflib
 import re
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+import lajolla
+
+STREAMS = {"/dev/stdout": "stdout", "/dev/stderr": "stderr"}
 EXTENSIONS = ".exr, .hdr, .pfm, .png, .jpg, .npy or .m"
 
 
@@ -249,14 +252,27 @@ def _definition(text: str) -> tuple[str, str]:
     return name, value
 
 
-def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> Iterator[argparse.Namespace]:
+def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list[argparse.Namespace]:
     """A command like this for each sensor, with files of its own: "a.exr" becomes "a-NAME.exr"."""
-    written = [re.sub(r"[^\w.-]+", "_", name) for name in names]
-    for number, name in enumerate(written):
-        unique = name if written.count(name) == 1 else f"{number}-{name}"
-        yield _for_sensor(arguments, number, f"-{unique}")
     if not names:  # it has one that its file does not name
-        yield _for_sensor(arguments, None, "")
+        return [_for_sensor(arguments, None, "")]
+    if len(names) > 1:
+        _refuse_devices(arguments, len(names))
+    written = [re.sub(r"[^\w.-]+", "_", name) for name in names]
+    if len(set(written)) < len(written):
+        written = [f"{number}-{name}" for number, name in enumerate(written)]
+    return [_for_sensor(arguments, number, f"-{name}") for number, name in enumerate(written)]
+
+
+def _refuse_devices(arguments: argparse.Namespace, count: int) -> None:
+    """They have room for one picture, and pipes for one file of any kind."""
+    found = [path for path in arguments.outputs or [] if lajolla.image.is_device(path)]
+    stats = arguments.stats
+    if stats is not None and str(stats) not in STREAMS and stats.is_fifo():
+        found.append(stats)
+    if found:
+        what = f"{found[0]} is a pipe or a device"
+        raise UsageError(f"{what}; --all-sensors writes a file for each of {count} sensors")
 
 
 def _for_sensor(arguments: argparse.Namespace, number: int | None, suffix: str) -> argparse.Namespace:
@@ -268,6 +284,8 @@ def _for_sensor(arguments: argparse.Namespace, number: int | None, suffix: str) 
 
 
 def _with_suffix(path: Path, suffix: str) -> Path:
+    if str(path) in STREAMS or lajolla.image.is_device(path):
+        return path
     return path.with_name(path.stem + suffix + path.suffix)
 
 

@@ -1,7 +1,7 @@
 """The command line: `lajolla render`, `check`, `convert`, `compare` and `list`.
 
 Results go to standard output, everything else to standard error. Every error of the user's is one message and
-exit code 1; an interrupted render ends with 128 + the signal's number, as in a shell.
+exit code 1; an interrupted command ends with 128 + the signal's number, as in a shell.
 """
 
 from __future__ import annotations
@@ -12,23 +12,30 @@ import os
 import resource
 import sys
 import warnings
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
 import lajolla  # its modules are loaded when they are first used, which no --help does
-from lajolla.arguments import UsageError, for_each_sensor, parse, replay_command
+from lajolla.arguments import STREAMS, UsageError, for_each_sensor, parse, replay_command
 from lajolla.display import discard, progress_display, rate, safe_messages, say, size_in_memory
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Runs one command line (by default the process's own) and returns its exit code."""
-    with handled_by(end_at_once), safe_messages():
+    with safe_messages():
+        return _reported(lambda: _run_command(_parsed(sys.argv[1:] if words is None else words)))
+
+
+def _reported(action: Callable[[], int], missing: str = "nothing was written") -> int:
+    """Does it; an error is one message and exit code 1, and an interrupt says what is missing."""
+    with handled_by(partial(end_at_once, message=missing)):
         try:
-            return _run_command(_parsed(sys.argv[1:] if words is None else words))
+            return action()
         except UsageError as error:
             say(f"error: {error}")
         except MemoryError:
@@ -39,7 +46,7 @@ def main(words: Sequence[str] | None = None) -> int:
             say(f"error: {error}")
             discard(sys.stdout)
         except KeyboardInterrupt as interrupt:
-            say("interrupted; nothing was written")
+            say(f"interrupted; {missing}")
             return interrupt.exit_code if isinstance(interrupt, Interrupt) else 130
         except Exception as error:  # a fault of ours, or of a library: one line, as all else
             say(f"error: {type(error).__name__}: {next(iter(str(error).splitlines()), '')}")
@@ -55,7 +62,7 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
 
 
 def _run_command(arguments: argparse.Namespace) -> int:
-    """Runs a command; what is wrong with a scene, an option or a picture is told."""
+    """Runs a command; an error in a scene, an option or a picture is one message."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy would start threads that spin for nothing
     # This loads the renderer, outside of the block whose handlers need it: the user may interrupt already.
     refusals = (lajolla.OptionError, lajolla.ImageError, lajolla._core.DescriptionError)
@@ -94,11 +101,8 @@ def command_render(arguments: argparse.Namespace) -> int:
     if arguments.all_sensors:
         return _render_each_sensor(arguments)
     outputs = list(dict.fromkeys(arguments.outputs or []))
-    if arguments.pixel is None:  # what would fail after hours of rendering fails now
-        for output in outputs:
-            lajolla.image.check_output(output)
-        if arguments.stats is not None and str(arguments.stats) not in STREAMS:
-            lajolla.image.check_folder(arguments.stats)
+    if arguments.pixel is None:
+        _check_outputs(arguments)
     scene = load(arguments)
     for warning in scene.warnings:
         print(warning, file=sys.stderr)
@@ -115,9 +119,13 @@ def command_render(arguments: argparse.Namespace) -> int:
     if scene.core.channels and not any(output.suffix.lower() in holding for output in outputs):
         say(f"warning: only {' and '.join(holding)} files hold all channels of this scene")
     rendering = scene.rendering(threads=arguments.threads)
-    patience = Patience()
+    patience = Patience("the picture")
     with handled_by(patience):
-        _run(rendering, scene, quiet=arguments.quiet)
+        with (
+            suppress(Interrupt),
+            progress_display(pixels=scene.width * scene.height, quiet=arguments.quiet) as observe,
+        ):
+            rendering.run(patience.stopping(observe))
         if rendering.samples == 0 and patience.interrupt is not None:
             raise patience.interrupt
         patience.save(_save, outputs, scene, rendering, arguments)
@@ -130,13 +138,12 @@ def command_render(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _run(rendering: lajolla.Rendering, scene: lajolla.Scene, *, quiet: bool) -> None:
-    """Renders to the end, or until an interrupt."""
-    with (
-        suppress(Interrupt),
-        progress_display(pixels=scene.width * scene.height, quiet=quiet) as observe,
-    ):
-        rendering.run(observe)
+def _check_outputs(arguments: argparse.Namespace) -> None:
+    """What would fail after hours of rendering fails now."""
+    for output in arguments.outputs or []:
+        lajolla.image.check_output(output)
+    if arguments.stats is not None and str(arguments.stats) not in STREAMS:
+        lajolla.image.check_folder(arguments.stats)
 
 
 def _save(
@@ -153,9 +160,23 @@ def _save(
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
+    """Renders what can be rendered, until an interrupt; an error names its sensor."""
     names = lajolla.scene.sensor_names(arguments.scene, parameters=dict(arguments.parameters))
-    codes = (command_render(each) for each in for_each_sensor(arguments, names))
-    return next((code for code in codes if code != 0), 0)
+    commands = for_each_sensor(arguments, names)
+    for command in commands:
+        _check_outputs(command)
+    if len(commands) == 1:
+        return command_render(commands[0])
+    result = 0
+    for name, command in zip(names, commands, strict=True):
+        missing = f"nothing was written of sensor {name} and those after it"
+        code = _reported(partial(_run_command, command), missing)
+        if code > 1:  # an interrupt's
+            return code
+        if code == 1:
+            say(f"sensor {name} failed")
+            result = 1
+    return result
 
 
 def _write_outputs(outputs: Sequence[Path], picture: lajolla.Image, arguments: argparse.Namespace) -> None:
@@ -163,14 +184,14 @@ def _write_outputs(outputs: Sequence[Path], picture: lajolla.Image, arguments: a
     errors = []
     if arguments.tonemap is not None:
         picture.film = replace(picture.film, tonemap_method=arguments.tonemap)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", lajolla.image.ImageWarning)
         for output in outputs:
             try:
                 picture.save(output, exposure=arguments.exposure, half=arguments.half)
             except lajolla.image.ImageError as error:
                 errors.append(error)
-    for warning in told:
+    for warning in caught:
         say(f"warning: {warning.message}")
     if errors:
         raise errors[0]
@@ -214,9 +235,6 @@ def statistics(scene: lajolla.Scene, rendering: lajolla.Rendering) -> dict[str, 
     }
 
 
-STREAMS = {"/dev/stdout": "stdout", "/dev/stderr": "stderr"}
-
-
 def _write_stats(path: Path, stats: dict[str, Any]) -> None:
     text = json.dumps(stats, indent=2) + "\n"
     if str(path) in STREAMS:  # opening these anew would cut off a file that they lead to
@@ -241,26 +259,33 @@ def command_convert(arguments: argparse.Namespace) -> int:
     )
     for warning in result.warnings:
         print(warning, file=sys.stderr)
-    patience = Patience()
+    patience = Patience("the scene")
     with handled_by(patience):
         patience.save(_write_export, target, result)
-    count = len(result.files)
-    files = f" and {count} file{'s' if count > 1 else ''} in {target.stem}-files" if count else ""
-    say(f"wrote {target}{files}")
+    written = str(target)
+    if result.files:
+        count, folder = len(result.files), Path(next(iter(result.files))).parent
+        written += f" and {count} file{'s' if count > 1 else ''} in {folder}"
+    if patience.interrupt is not None:
+        say(f"interrupted; wrote {written}")
+        return patience.interrupt.exit_code
+    say(f"wrote {written}")
     return 0
 
 
 def _write_export(target: Path, result: lajolla.scene.Export) -> None:
-    for name, content in result.files.items():
-        path = target.parent / name
-        path.parent.mkdir(exist_ok=True)
-        if isinstance(content, bytes):
-            with lajolla.image.replacing(path) as temporary:
-                temporary.write_bytes(content)
-        else:
-            lajolla.image.write(path, content)
-    with lajolla.image.replacing(target) as temporary:
+    """Writes all files under other names before the first takes its place: old and new ones do not fit."""
+    for folder in {Path(name).parent for name in result.files}:
+        (target.parent / folder).mkdir(exist_ok=True)
+    with ExitStack() as replacements:
+        temporary = replacements.enter_context(lajolla.image.replacing(target))  # the last to take its place
         temporary.write_text(result.text, encoding="utf-8")
+        for name, content in result.files.items():
+            temporary = replacements.enter_context(lajolla.image.replacing(target.parent / name))
+            if isinstance(content, bytes):
+                temporary.write_bytes(content)
+            else:
+                lajolla.image.write(temporary, content)
 
 
 def command_check(arguments: argparse.Namespace) -> int:

@@ -67,7 +67,7 @@ def open_streams() -> None:
 
 @contextmanager
 def safe_messages() -> Iterator[None]:
-    """Within it nothing fails because a message cannot be told."""
+    """Within it nothing fails because a message cannot be written."""
     with redirect_stderr(Messages(sys.stderr)):
         yield
 

@@ -8,7 +8,7 @@ import shutil
 import tempfile
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -342,21 +342,27 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def _temporary_prefix(target: Path) -> str:
-    """How the names of temporary files for a target begin; those of other machines begin otherwise."""
-    origin = os.fsencode(target) + b"\0" + platform.node().encode()
+    """How the names of temporary files for a target begin, where process ids mean what they mean here."""
+    origin = os.fsencode(target) + b"\0" + _process_space().encode()
     return f".lajolla-{hashlib.blake2b(origin, digest_size=6).hexdigest()}-"
 
 
+def _process_space() -> str:
+    """What has process ids of its own: a machine since it was started, and in it a container."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text() + os.readlink("/proc/self/ns/pid")
+    except OSError:  # not Linux
+        return platform.node()
+
+
 def _remove_abandoned(folder: Path, prefix: str) -> None:
-    """Removes the temporary files of processes that were killed while they wrote."""
+    """Removes the temporary files of processes that were killed while they wrote, as far as it can."""
     for left in folder.glob(f"{prefix}*"):
-        process = left.name[len(prefix) :].partition("-")[0]
-        try:
-            os.kill(int(process), 0)
-        except ProcessLookupError:
-            left.unlink(missing_ok=True)
-        except (ValueError, OSError):  # it is not ours, or another user's
-            continue
+        with suppress(OSError, OverflowError, ValueError):  # it is another user's, or no name of ours
+            try:
+                os.kill(int(left.name[len(prefix) :].partition("-")[0]), 0)
+            except ProcessLookupError:
+                left.unlink()
 
 
 @dataclass(frozen=True)

@@ -53,29 +53,43 @@ def handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[Non
 
 
 class Patience:
-    """A handler for a rendering: the first signal stops it, the next waits for the save, a third ends all."""
+    """A handler for work that ends in a save: the first signal stops the work, the next one while saving is
+    answered, and one more ends the program.
 
-    def __init__(self) -> None:
+    It only records: an exception would come anywhere, and what it comes into may drop it.
+    """
+
+    def __init__(self, result: str) -> None:
+        self.result = result  # what is saved, such as "the picture"
         self.saving = False
-        self.asked = False
+        self.warned = False
         self.interrupt: Interrupt | None = None  # the first one
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
+        first = self.interrupt is None
         self.interrupt = self.interrupt or Interrupt(number)
-        if not self.saving:
-            self.saving = True
-            raise self.interrupt
-        if self.asked:
-            end_at_once(number, frame, "the picture may not be there")
-        self.asked = True
-        _tell("still saving; once more ends at once")
+        if self.warned:
+            end_at_once(number, frame, f"{self.result} may not be there")
+        if self.saving or not first:
+            self.warned = True
+            _tell(f"{'saving' if self.saving else 'stopping'}; press Ctrl-C again to quit without saving")
+
+    def stopping(self, observe: Callable[[Any], None]) -> Callable[[Any], None]:
+        """An observer that raises the interrupt, once there was one; until then it calls another one."""
+
+        def observe_or_stop(progress: Any) -> None:  # noqa: ANN401
+            if self.interrupt is not None:
+                raise self.interrupt
+            observe(progress)
+
+        return observe_or_stop
 
     def save(self, action: Callable[..., Any], *arguments: Any) -> None:  # noqa: ANN401
         """Does it in another thread: a library may not return for long, and this one hears signals."""
+        self.saving = True
         import threading
         from concurrent.futures import Future
 
-        self.saving = True
         done: Future[None] = Future()
 
         def work() -> None:

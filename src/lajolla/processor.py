@@ -41,8 +41,10 @@ def core_folders(package: Sequence[str]) -> list[str]:
     return [there[choose(list(there), processor_flags(), wanted)]] if there or wanted else []
 
 
-def choose(levels: Sequence[str], flags: set[str], wanted: str = "") -> str:
+def choose(levels: Sequence[str], flags: set[str] | None, wanted: str = "") -> str:
     """The best of these levels that a processor with these flags runs, or the one that is wanted.
+
+    Of a processor whose flags are not known, the lowest level is taken, or the wanted one on the user's word.
 
     Raises:
         LevelError: there is none.
@@ -51,9 +53,11 @@ def choose(levels: Sequence[str], flags: set[str], wanted: str = "") -> str:
         if wanted not in levels:
             there = " ".join(levels) or "a single build"
             raise LevelError(f"{VARIABLE}={wanted}: this installation has {there}")
-        if lacking := _lacking(wanted, flags):
+        if flags is not None and (lacking := _lacking(wanted, flags)):
             raise LevelError(f"{VARIABLE}={wanted}: this processor does not have {' '.join(lacking)}")
         return wanted
+    if flags is None:
+        return levels[0]
     runs = [level for level in levels if not _lacking(level, flags)]
     if not runs:
         lacking = " ".join(_lacking(levels[0], flags))
@@ -63,13 +67,14 @@ def choose(levels: Sequence[str], flags: set[str], wanted: str = "") -> str:
     return runs[-1]
 
 
-def processor_flags() -> set[str]:
-    """The features of the processor that the system lets programs use."""
+def processor_flags() -> set[str] | None:
+    """The features of the processor that the system lets programs use; None where it does not say."""
     try:
         with open("/proc/cpuinfo") as file:
-            return set(next((line for line in file if line.startswith("flags")), "").split())
-    except OSError:  # a sandbox that hides it: what any processor has
-        return set(LEVELS["x86-64-v2"].split())
+            line = next((line for line in file if line.startswith("flags")), None)
+    except OSError:  # a sandbox hides it
+        return None
+    return None if line is None else set(line.split())
 
 
 def _lacking(level: str, flags: set[str]) -> list[str]:

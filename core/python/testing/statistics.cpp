@@ -223,6 +223,8 @@ Float elementary_value(const std::string &name, Float x, Float y) {
     if (name == "acos") return acos(x);
     if (name == "log1p") return log1p(x);
     if (name == "expm1") return expm1(x);
+    if (name == "tan") return tan(x);
+    if (name == "tanh") return tanh(x);
     if (name == "sqrt") return sqrt(x);
     if (name == "floor") return floor(x);
     if (name == "min") return min(x, y);
