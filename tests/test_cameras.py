@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 import lajolla
 from lajolla import cli, image
 from lajolla.arguments import for_each_sensor, parse
-from lajolla.scene import SceneError, load_description, sensor_names
+from lajolla.scene import SceneError, cameras, load_description, sensor_names
 
 FILM = '<film type="hdrfilm"><integer name="width" value="{}"/><integer name="height" value="3"/></film>'
 LEFT = f'<sensor type="perspective" id="left">{FILM.format(4)}</sensor>'
@@ -183,3 +184,20 @@ def test_converted_batches_open_in_mitsuba(tmp_path: Path) -> None:
     assert cli.main(["convert", str(path), str(tmp_path / "new.xml")]) == 0
     sensors = mitsuba.load_file(str(tmp_path / "new.xml")).sensors()
     assert [tuple(sensor.film().size()) for sensor in sensors] == [(32, 32)] * 2
+
+
+def test_no_exception_of_python_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever fails before anything is built."""
+
+    class Broken(dict[str, object]):
+        def items(self) -> NoReturn:  # type: ignore[override]
+            raise ValueError("it fell")
+
+    with pytest.raises(SceneError, match="scene: error: it fell"):
+        lajolla.load_dict(Broken(type="scene"))
+
+    monkeypatch.setattr(cameras, "spread", lambda scene, diagnostics: 1 / 0)
+    path = written(tmp_path, VIEW.format("perspective", ""))
+    for reader in (sensor_names, load_description):
+        with pytest.raises(SceneError, match="error: ZeroDivisionError"):
+            reader(path)

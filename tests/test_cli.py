@@ -244,6 +244,46 @@ def test_fragments_are_no_scenes(tmp_path: Path) -> None:
     assert [finding.path.name for finding in found] == ["other.xml", "whole.xml", "wrapper.xml"]
 
 
+def test_whole_scenes_that_fail_are_listed(tmp_path: Path) -> None:
+    """Unless a scene that opens is made with them, not only with one of the same name in another folder."""
+    part = '<scene version="3.0.0"><sensor type="perspective"/></scene>'
+    whole = part.replace("</scene>", '<shape type="cube"><ref id="none"/></shape></scene>')
+    texts = {
+        "a/scene.xml": whole,
+        "b/wrapper.xml": '<scene version="3.0.0"><include filename="scene.xml"/></scene>',
+        "b/scene.xml": part,
+        "c/scene.xml": part,
+        "d/whole.xml": whole,
+        "d/wrapper.xml": '<scene version="3.0.0"><include filename="whole.xml"/></scene>',
+        "e/parts/base.xml": part.replace("</scene>", '<include filename="parts/rest.xml"/></scene>'),
+        "e/parts/rest.xml": '<scene version="3.0.0"><emitter type="constant"/></scene>',
+        "e/wrapper.xml": '<scene version="3.0.0"><include filename="parts/base.xml"/></scene>',
+    }
+    folder = tmp_path / "all"
+    for name, text in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    found = {str(f.path.relative_to(folder)): f.error for f in survey(folder, lajolla.load)}
+    assert list(found) == [
+        *("a/scene.xml", "b/wrapper.xml", "c/scene.xml", "d/whole.xml", "d/wrapper.xml", "e/wrapper.xml")
+    ]
+    assert [name for name, error in found.items() if error] == ["a/scene.xml", "d/whole.xml", "d/wrapper.xml"]
+
+
+def test_neighbouring_parameters_stand_for_one_text(tmp_path: Path) -> None:
+    parameters = "".join(f"$p{i}" for i in range(40))
+    texts = {
+        "a.xml": f'<include filename="part{parameters}-end.xml"/>',
+        f"part{'x' * 100}-end.xml": '<shape type="cube"/>',
+        f"part{'x' * 100}-and.xml": '<shape type="cube"/>',  # takes forever where each may be any text
+    }
+    (tmp_path / "all").mkdir()
+    for name, content in texts.items():
+        (tmp_path / "all" / name).write_text(f'<scene version="3.0.0">{content}</scene>')
+    found = [finding.path.name for finding in survey(tmp_path / "all", lajolla.load)]
+    assert found == ["a.xml", f"part{'x' * 100}-and.xml"]
+
+
 def test_one_scene_does_not_end_a_survey() -> None:
     Path("a.xml").write_text("<scene/>")
 

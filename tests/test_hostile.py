@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
+import time
 import zlib
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +18,11 @@ from hostile_cases import answer
 from reader_tools import error, error_of, read, write_scene
 
 import lajolla
-from lajolla import image
+from lajolla import picture_files
+from lajolla.picture_files import Budget
 from lajolla.scene import SceneError, load_description
+from lajolla.scene.files import file_bytes
+from lajolla.scene.plugins import daylight
 
 SECONDS, MEMORY = 1.0, 200 * 10**6
 
@@ -73,7 +79,7 @@ GROWING: dict[str, Callable[[], str]] = {
 @pytest.mark.parametrize("name", GROWING)
 def test_what_grows_beyond_all_bounds_is_refused(name: str, tmp_path: Path) -> None:
     result = answer(write_scene(tmp_path, GROWING[name]()))
-    assert "more than" in result.error or "longer than" in result.error
+    assert re.search("more than|longer than|the limit is", result.error)
     assert result.seconds < SECONDS
     assert result.memory < MEMORY
 
@@ -93,7 +99,13 @@ def test_files_that_include_each_other_twice(tmp_path: Path) -> None:
         (tmp_path / f"part{i}.xml").write_text(f'<scene version="3.0.0">{inside}</scene>')
     assert "more than 1024 files" in error_of(tmp_path, '<include filename="part0.xml"/>')
     (tmp_path / "large.xml").write_text(f'<scene version="3.0.0">{" " * 1_000_000}</scene>')
-    assert "included again" in error_of(tmp_path, '<include filename="large.xml"/>' * 9)
+    assert "included again have 21,000," in error_of(tmp_path, '<include filename="large.xml"/>' * 30)
+
+
+def test_a_large_file_may_be_included_several_times(tmp_path: Path) -> None:
+    tree = f'<scene version="3.0.0"><shape type="sphere"/>{" " * 1_000_000}</scene>'
+    (tmp_path / "tree.xml").write_text(tree)
+    assert len(read(tmp_path, '<include filename="tree.xml"/>' * 6).core["shapes"]) == 6
 
 
 MANY = 20_000
@@ -125,6 +137,19 @@ def test_work_grows_with_the_file_and_no_faster(name: str, tmp_path: Path) -> No
     assert (result.error, result.warnings) == ("", warnings)
     assert result.seconds < 4 * SECONDS  # a file of half a megabyte
     assert result.memory < MEMORY
+
+
+@pytest.mark.parametrize("version", ["0.6.0", "3.0.0"])
+def test_a_large_group_is_not_searched_for_every_instance(version: str, tmp_path: Path) -> None:
+    inside = '<shape type="sphere"/>' * 1000
+    body = f'<emitter type="area"/><shape type="shapegroup" id="group">{inside}</shape>'
+    body += '<shape type="instance"><ref id="group"/></shape>' * MANY
+    scene = write_scene(tmp_path, body, version)
+    scene.write_text(scene.read_text().replace('<sensor type="perspective"/>', ""))
+    start = time.process_time()
+    with nullcontext() if version == "0.6.0" else pytest.raises(SceneError, match="has no sensor"):
+        load_description(scene)
+    assert time.process_time() - start < 4 * SECONDS  # a file of a megabyte
 
 
 NAME = '<string name="filename" value="{0}"/>'
@@ -179,17 +204,59 @@ def test_scenes_of_other_folders_are_read_but_not_shown(tmp_path: Path) -> None:
     assert "<float" in error_of(folder, '<include filename="other.xml"/>')
 
 
-def test_a_small_picture_does_not_ask_for_all_memory(tmp_path: Path) -> None:
+def test_lines_of_scenes_are_shown_through_links(tmp_path: Path) -> None:
+    """Also of includes in a folder that the scene names with `<path>`; never of what is no scene."""
+    for folder in ("kept", "linked", "shared"):
+        (tmp_path / folder).mkdir()
+    wrong = '<scene version="3.0.0"><shape type="sphere"><float name="radius" value="-1"/></shape></scene>'
+    (tmp_path / "kept" / "scene.xml").write_text(wrong)
+    (tmp_path / "shared" / "part.xml").write_text(wrong)
+    (tmp_path / "shared" / "keys").write_text(SECRET)
+    (tmp_path / "linked" / "scene.xml").symlink_to(tmp_path / "kept" / "scene.xml")
+    assert "<float" in error(tmp_path / "linked" / "scene.xml")
+    (tmp_path / "linked" / "part.xml").symlink_to(tmp_path / "shared" / "part.xml")
+    (tmp_path / "linked" / "keys").symlink_to(tmp_path / "shared" / "keys")
+    for place in ("", '<path value="../shared"/>'):
+        assert "<float" in error_of(tmp_path / "linked", f'{place}<include filename="part.xml"/>')
+        told = error_of(tmp_path / "linked", f'{place}<include filename="keys"/>')
+        assert not [word for word in ("root", "salt", "BEGIN", "b3Blb", "19000") if word in told]
+    (tmp_path / "linked" / "part.xml").unlink()
+    assert "<float" in error_of(
+        tmp_path / "linked", '<path value="../shared"/><include filename="part.xml"/>'
+    )
+
+
+def png(size: int, rows: int) -> bytes:
+    """A square picture of black pixels, cut short after some rows."""
+
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
-    head = struct.pack(">IIBBBBB", 8000, 8000, 8, 2, 0, 0, 0)
-    data = zlib.compress(bytes(100_000))
-    (tmp_path / "a.png").write_bytes(
-        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
-    )
-    told = error_of(tmp_path, READERS["envmap"].format("a.png"))
-    assert "8000 x 8000 pixels are too many for a file of" in told
+    head = struct.pack(">IIBBBBB", size, size, 8, 2, 0, 0, 0)
+    data = zlib.compress(bytes(rows * (3 * size + 1)), 9)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+BITMAP = f'<texture type="bitmap" name="reflectance">{NAME}</texture>'
+SHOWN = f'<shape type="sphere"><bsdf type="diffuse">{BITMAP}</bsdf></shape>'
+
+
+@pytest.mark.parametrize("reader", [SHOWN, READERS["envmap"], READERS["heightfield"]])
+def test_a_small_picture_does_not_ask_for_all_memory(reader: str, tmp_path: Path) -> None:
+    """It may take 1 GiB, as large pictures of one colour do; it is refused before that is taken."""
+    (tmp_path / "a.png").write_bytes(png(20_000, 10) + bytes(400_000))  # OpenImageIO refuses smaller ones
+    result = answer(write_scene(tmp_path, reader.format("a.png")))
+    assert "20000 x 20000 pixels are too many for a file of" in result.error
+    assert result.seconds < SECONDS
+    assert result.memory < MEMORY
+
+
+def test_large_pictures_of_one_colour_are_read(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(png(8192, 8192))
+    assert len(read(tmp_path, SHOWN.format("a.png")).core["textures"]) == 1
+    budget = Budget()
+    for _ in range(64):
+        budget.spend(tmp_path / "a.png", 3 * 4096**2)
 
 
 def test_large_arrays_are_looked_at_by_their_shape(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -256,11 +323,35 @@ def test_a_scene_whose_type_is_no_text() -> None:
         lajolla.load_dict({"type": np.zeros(3)})
 
 
-def test_many_small_pictures_do_not_ask_for_all_memory(tmp_path: Path) -> None:
-    image.write_encoded(tmp_path / "0.png", np.zeros((4000, 4000, 3), np.uint8))
-    texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="{0}.png"/></texture>'
-    for i in range(1, 16):
-        (tmp_path / f"{i}.png").write_bytes((tmp_path / "0.png").read_bytes())
-    shape = f'<shape type="sphere"><bsdf type="diffuse">{texture}</bsdf></shape>'
-    told = error_of(tmp_path, "".join(shape.format(i) for i in range(1, 16)))
-    assert "small files of pictures take more than 512 MiB together" in told
+@pytest.mark.parametrize("reader", [SHOWN, READERS["envmap"], READERS["heightfield"]])
+def test_many_small_pictures_do_not_ask_for_all_memory(
+    reader: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(picture_files, "MAX_PICTURES", 1 << 20)
+    for i in range(3):
+        (tmp_path / f"{i}.png").write_bytes(png(800, 800))
+    told = error_of(tmp_path, "".join(reader.format(f"{i}.png") for i in range(3)))
+    assert re.search(r"the textures would take \d+ MiB decoded; the limit is \d+ MiB", told)
+
+
+def test_skies_are_as_large_as_one_of_the_largest_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sky = '<emitter type="sky"><integer name="resolution" value="{0}"/></emitter>'
+    assert "between 4 and 8192" in error_of(tmp_path, sky.format(8193))
+    monkeypatch.setattr(daylight, "WIDEST", 64)
+    assert read(tmp_path, sky.format(64)).core["emitters"]
+    assert "more than 2,112 pixels" in error_of(tmp_path, sky.format(32) * 8)
+
+
+def test_one_file_with_many_settings(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(png(2, 2))
+    gammas = [NAME.format("a.png") + f'<float name="gamma" value="{1 + i / 8}"/>' for i in range(1, 40)]
+    shapes = [SHOWN.replace(NAME, name) for name in gammas]
+    assert "is used with more than 32 different settings" in error_of(tmp_path, "".join(shapes))
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="there is no such file")
+def test_a_file_that_changes_while_it_is_read() -> None:
+    with pytest.raises(OSError, match="changed while it was read"):
+        file_bytes(Path("/proc/self/status"))

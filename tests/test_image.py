@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from lajolla import image
+from lajolla.picture_files import Budget
+from lajolla.scene.errors import Location, Source
+from lajolla.scene.images import read_pixels
 
 
 @pytest.fixture
@@ -225,3 +228,16 @@ def test_image_object(tmp_path: Path, picture: image.FloatImage) -> None:
     assert repr(result) == "<lajolla.Image, 17 x 13 pixels>"
     with pytest.raises(image.ImageError, match="shape"):
         image.Image(np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("ending", image.ENDINGS[: -len(image.MATRIX)])
+def test_the_first_row_of_every_format_is_on_top(ending: str, tmp_path: Path) -> None:
+    """In pictures and in textures, also where they are written in more than one piece."""
+    rows = np.linspace(0.1, 0.9, 600, dtype=np.float32)
+    path = tmp_path / f"a{ending}"
+    image.write(path, np.broadcast_to(rows[:, None, None], (600, 500, 3)))
+    textured = read_pixels(path, Location(Source("scene.xml", b"", tmp_path)), Budget())[:, 0, 0].astype(
+        np.float32
+    )
+    assert np.all(np.diff(textured) >= 0) and textured[-1] > 2 * textured[0]
+    np.testing.assert_allclose(image.read(path)[:, 0, 0], rows, atol=0.01)

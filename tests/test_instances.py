@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reader_tools import messages, read
+from reader_tools import error_of, messages, read
 from scene_tools import Settings, box_mesh, make_scene, rotation, scaling, translation, uv_sphere
 from statistics_tools import generator
 
 import lajolla
 from lajolla import _core, _core_testing
-from lajolla.scene import SceneError, describe
+from lajolla.scene import SceneError, describe, instances
 from lajolla.scene.default_camera import default_camera
 
 EVEN = translation(3, -2, 1) @ rotation((1, 2, 3), 40) @ scaling(2.5)
@@ -323,3 +323,31 @@ def test_extreme_placements_do_no_harm(name: str, scale: float) -> None:
         origins = (rng.normal(size=(100, 3)) * 10 ** rng.uniform(-5, 18, (100, 1))).astype(np.float32)
         _core_testing.hit_many(scene, origins, rng.normal(size=(100, 3)).astype(np.float32))
         _core_testing.hit_many(scene, origins, -origins / np.linalg.norm(origins, axis=1, keepdims=True))
+
+
+TREE = (
+    '<shape type="shapegroup" id="leaf"><shape type="sphere"/></shape><shape type="shapegroup" id="tree">'
+    + '<shape type="instance"><ref id="leaf"/></shape>' * 100
+    + "</shape>"
+)
+
+
+@pytest.mark.parametrize("last", [False, True], ids=["shapes first", "trees first"])
+def test_the_number_of_objects_has_a_limit_in_any_order(
+    last: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(instances, "MOST_REPEATED", 0)
+    monkeypatch.setattr(instances, "MOST_PER_SHAPE", 20)
+    trees, shapes = '<shape type="instance"><ref id="tree"/></shape>' * 200, '<shape type="sphere"/>' * 900
+    assert (
+        len(read(tmp_path, TREE + (trees + shapes if last else shapes + trees)).core["instances"]) == 20_000
+    )
+    message = "make 30,401 objects; the limit is 8,100"
+    assert message in error_of(
+        tmp_path, TREE + trees + '<shape type="instance"><ref id="tree"/></shape>' * 100
+    )
+
+
+def test_a_forest_of_trees_with_leaves(tmp_path: Path) -> None:
+    forest = TREE + '<shape type="instance"><ref id="tree"/></shape>' * 700
+    assert len(read(tmp_path, forest).core["instances"]) == 70_000

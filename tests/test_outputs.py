@@ -11,7 +11,7 @@ import pytest
 from reader_tools import messages
 
 from lajolla import image
-from lajolla.scene import load_description
+from lajolla.scene import export, load_description
 from lajolla.scene.voxels import vol_bytes
 
 NAME = os.fsdecode(b"caf\xe9")  # latin-1, which is not UTF-8
@@ -179,3 +179,20 @@ def test_what_xml_cannot_name_is_copied_when_a_scene_is_converted(latin: Path, t
     assert result.returncode == 0
     assert result.stderr.endswith("files in caf?-files\n") and Path("caf?-files").is_dir()
     assert messages(load_description(tmp_path / f"{NAME}.xml"), tmp_path) == []
+
+
+def test_files_that_xml_cannot_name_are_copied_once(tmp_path: Path) -> None:
+    """And not at all where their content is packed anyway."""
+    image.write(tmp_path / f"{NAME}.png", np.ones((2, 2, 3), np.float32))
+    (tmp_path / f"{NAME}.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    texture = (
+        '<texture type="bitmap" name="reflectance"><string name="filename" value="caf\xe9.png"/></texture>'
+    )
+    ball = f'<shape type="sphere"><bsdf type="diffuse">{texture}</bsdf></shape>'
+    mesh = '<shape type="obj"><string name="filename" value="caf\xe9.obj"/></shape>'
+    path = tmp_path / "scene.xml"
+    path.write_text(f'<scene version="3.0.0"><sensor type="perspective"/>{ball}{ball}{mesh}</scene>', "utf-8")
+    assert [Path(name).suffix for name in export(path, tmp_path / "new.xml").files] == [".png", ".obj"]
+    packed = export(path, tmp_path / "new.xml", pack=True).files
+    assert [Path(name).suffix for name in packed] == [".png", ".ply"]
+    assert packed["new-files/0.png"] == (tmp_path / f"{NAME}.png").read_bytes()

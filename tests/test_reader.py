@@ -467,7 +467,7 @@ def test_old_names_in_new_files_are_used_and_told(tmp_path: Path) -> None:
     for name in ("maxDepth", "nearClip", "toWorld", "intIOR", "alphaU"):
         assert f'"{name}" of ' in told
     assert "sampleVisible" not in told  # changes nothing
-    assert '"maxDepth" of integrator "path" is the name of before version 2 of "max_depth"' in told
+    assert '"maxDepth" of integrator "path" is the old name of "max_depth"; it is read as "max_depth"' in told
     with pytest.raises(SceneError, match="maxDepth"):
         load_description(path, strict=True)
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
+import tracemalloc
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from reader_tools import error_of, messages, read
+from reader_tools import error_of, messages, read, write_scene
 from scene_tools import torus, translation
 from test_voxels import NANOVDB, vol
 
+import lajolla
 from lajolla import _core, _core_testing
 from lajolla.scene import Description, SceneError, describe, load_description
 from lajolla.scene.inside import is_inside
@@ -334,8 +337,8 @@ SHAPES = {"cube": AROUND, "sphere": '<point name="center" x="2.5" y="0" z="0"/>'
 @pytest.mark.parametrize("shape", ["cube", "sphere"])
 def test_a_camera_in_a_medium_that_it_does_not_name(shape: str, tmp_path: Path) -> None:
     body = f'<shape type="{shape}">{SHAPES[shape]}{CLOUD}</shape>'
-    expected = 'the camera stands in the medium of this shape, but sensor "perspective" names none'
-    assert [line.split(":")[0] for line in told(tmp_path, body)] == [expected]
+    expected = 'the camera stands in the medium of this shape, but sensor "perspective" does not name it'
+    assert [line.split(", so")[0] for line in told(tmp_path, body)] == [expected]
     assert told(tmp_path, body, sensor=VIEW.format('<medium type="homogeneous"/>')) == []
     outside = f'<shape type="{shape}">{CLOUD}</shape>'
     assert told(tmp_path, outside) == []
@@ -350,3 +353,25 @@ def test_inside_of_a_mesh_is_between_its_faces() -> None:
         assert not is_inside(shape, np.array(outside, float))
     moved = {**shape, "to_world": translation(5, 0, 0)}
     assert is_inside(moved, np.array([6, 0.01, 0.1])) and not is_inside(moved, np.array([1, 0.01, 0.1]))
+
+
+def test_inside_of_a_large_mesh_takes_little_memory() -> None:
+    small = torus(24, 12)
+    faces = np.concatenate([small.faces, np.zeros((1_000_000, 3), small.faces.dtype)])
+    shape = {"type": "mesh", "mesh": SimpleNamespace(vertices=small.vertices, faces=faces)}
+    tracemalloc.start()
+    try:
+        assert is_inside(shape, np.array([1, 0.01, 0.1]))
+        assert tracemalloc.get_traced_memory()[1] < 50e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_flat_shape_with_a_medium_is_refused_at_its_place(shape: str, tmp_path: Path) -> None:
+    flat = '<transform name="to_world"><scale x="1" y="1" z="0"/></transform>'
+    scene = write_scene(tmp_path, f'<shape type="{shape}">{flat}{CLOUD}</shape>')
+    scene.write_text(scene.read_text().replace('"path"', '"volpath"'))
+    with pytest.raises(SceneError, match="to_world is singular") as caught:
+        lajolla.load(scene)
+    assert "scene.xml:3:1: error: " in str(caught.value)

@@ -378,7 +378,8 @@ def test_floating_point_arrays_are_linear(dtype: type) -> None:
 
 
 def test_arrays_of_other_shapes_are_refused() -> None:
-    for bitmap in ({"data": np.zeros((4, 4, 5))}, {"data": np.zeros((4, 4, 3)), "channel": "a"}):
+    rgb = np.zeros((4, 4, 3))
+    for bitmap in ({"data": np.zeros((4, 4, 5))}, *({"data": rgb, "channel": name} for name in ("a", "gb"))):
         with pytest.raises(SceneError, match=r"must have the shape|has no channel"):
             on_a_screen(bitmap)
 

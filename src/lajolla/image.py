@@ -149,8 +149,6 @@ def read(path: str | os.PathLike[str]) -> FloatImage:
         raise ImageError(f"{path}: cannot be read as a picture: {error}") from None
     if pixels is None or problem:
         raise ImageError(f"{path}: cannot be read: {problem or 'unknown reason'}")
-    if path.suffix.lower() == ".pfm":
-        pixels = pixels[::-1]
     rgb = _rgb(pixels.astype(np.float32, copy=False), channel_names(spec))
     linear = whole or str(spec.format) in ("half", "float", "double")
     return np.ascontiguousarray(rgb if linear else decode_srgb(rgb))

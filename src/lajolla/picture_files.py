@@ -3,13 +3,16 @@
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-# A picture takes so many bytes at most, and so many more for each byte of its file: a small file cannot ask
-# for all memory there is. Deflated data of one colour is a thousandth of it; such pictures may be 64 MiB.
-MAX_SMALL = 1 << 26
+# A picture takes so many bytes at most, and so many more for each byte of its file, and so do all pictures of
+# a scene together: a small file cannot ask for all memory there is. Deflated data of one colour is a
+# thousandth of it; 1 GiB is what 8192 x 8192 pixels of it are as four float32 numbers each.
 MAX_RATIO = 256
+MAX_PICTURE = 1 << 30
+MAX_PICTURES = 1 << 32
 
 
 class PictureError(Exception):
@@ -29,7 +32,6 @@ def opened(path: Path) -> Iterator[Any]:
         raise PictureError("it is not a file")
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    config.attribute("pnm:pfmflip", 0)
     with plain_name(path) as name:
         source = oiio.ImageInput.open(name, config)
         if source is None:
@@ -46,8 +48,25 @@ def opened(path: Path) -> Iterator[Any]:
 def check_size(path: Path, width: int, height: int, pixel: int) -> None:
     """Raises PictureError where a picture of pixels of so many bytes is too large for its file."""
     size = path.stat().st_size
-    if width * height * pixel > MAX_SMALL + MAX_RATIO * size:
+    if width * height * pixel > MAX_PICTURE + MAX_RATIO * size:
         raise PictureError(f"{width} x {height} pixels are too many for a file of {size:,} bytes")
+
+
+@dataclass
+class Budget:
+    """What the pictures of a scene take, and may take, together."""
+
+    decoded: int = 0  # bytes
+    stored: int = 0  # bytes of the files
+
+    def spend(self, path: Path, size: int) -> None:
+        """Adds a picture of so many bytes; raises PictureError where all together are too many."""
+        self.decoded += size
+        self.stored += path.stat().st_size
+        limit = MAX_PICTURES + MAX_RATIO * self.stored
+        if self.decoded > limit:
+            problem = f"the textures would take {self.decoded >> 20:,} MiB decoded"
+            raise PictureError(f"{problem}; the limit is {limit >> 20:,} MiB")
 
 
 @contextmanager

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from lajolla.scene import SceneError
 from lajolla.scene.files import file_bytes
 
 INCLUDE = re.compile(rb"""<include\s[^<>]*filename\s*=\s*["']([^"']*)""")
-PARAMETER = re.compile(r"\$\w+")
+PARAMETERS = re.compile(r"(?:\$\w+)+")
 CAMERA = re.compile(rb"<(sensor|camera)\s")
 CONTENT = re.compile(rb"<(shape|include)\s")
 
@@ -31,7 +32,8 @@ class Finding:
 def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
     """Opens every scene file below a folder.
 
-    A file that another one includes is a fragment, and no finding, unless it is a whole scene by itself.
+    A file that another one includes is a fragment, and no finding, unless it is a whole scene by itself: with
+    a camera and something to see. One of these that fails is a fragment if a scene that opens includes it.
 
     Args:
         folder: searched for `*.xml`, at any depth.
@@ -41,16 +43,19 @@ def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
     from rich.progress import track
 
     texts = {path: _text(path) for path in sorted(folder.rglob("*.xml")) if path.is_file()}
-    included = _included_names(texts.values())
+    included = _included(texts)
     files = [
         path
         for path, text in texts.items()
-        if b"<scene" in text and (_is_whole(text) or not included.fullmatch(path.name))
+        if b"<scene" in text and (_is_whole(text) or path not in included)
     ]
     shown = sys.stderr.isatty()
     progress = track(files, "reading", console=Console(stderr=True), transient=True, disable=not shown)
     findings = [_finding(path, open_scene) for path in progress]
-    return [finding for finding in findings if not finding.error or not included.fullmatch(finding.path.name)]
+    good = {finding.path for finding in findings if not finding.error}
+    return [
+        finding for finding in findings if not finding.error or not included.get(finding.path, set()) & good
+    ]
 
 
 def _is_whole(text: bytes) -> bool:
@@ -58,12 +63,32 @@ def _is_whole(text: bytes) -> bool:
     return CAMERA.search(text) is not None and CONTENT.search(text) is not None
 
 
-def _included_names(texts: Iterable[bytes]) -> re.Pattern[str]:
-    """Matches the names, without folders, of the files that others include; parameters stand for any text."""
-    names = {name.decode(errors="replace") for text in texts for name in INCLUDE.findall(text)}
-    last = {name.replace("\\", "/").rsplit("/", 1)[-1] for name in names}
-    told = sorted(name for name in last if PARAMETER.sub("", Path(name).stem))
-    patterns = [".*".join(map(re.escape, PARAMETER.split(name))) for name in told]
+def _included(texts: Mapping[Path, bytes]) -> dict[Path, set[Path]]:
+    """The files that others include, with those that do by their place; some are known by their name only."""
+    places = {_place(path): path for path in texts}
+    found: dict[Path, set[Path]] = {}
+    elsewhere: set[str] = set()
+    for path, text in texts.items():
+        for raw in set(INCLUDE.findall(text)):
+            name = raw.decode(errors="replace").replace("\\", "/")
+            place = _place(path.parent / name)
+            if place in places and not PARAMETERS.search(name):
+                found.setdefault(places[place], set()).add(path)
+            else:
+                elsewhere.add(name.rsplit("/", 1)[-1])
+    pattern = _any_of(elsewhere)
+    return {path: set() for path in texts if pattern.fullmatch(path.name)} | found
+
+
+def _place(path: Path) -> str:
+    """A path as files are found: through links, in any case."""
+    return os.path.realpath(str(path).replace("\0", "?")).lower()
+
+
+def _any_of(names: Iterable[str]) -> re.Pattern[str]:
+    """Matches any of the names; parameters stand for any text, but not for all of a name."""
+    known = sorted(name for name in names if PARAMETERS.sub("", Path(name).stem))
+    patterns = [".*".join(map(re.escape, PARAMETERS.split(name))) for name in known]
     return re.compile("|".join(patterns) or "(?!)", re.IGNORECASE)
 
 

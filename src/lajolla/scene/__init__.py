@@ -20,12 +20,13 @@ import numpy as np
 
 from lajolla import _core
 from lajolla.film import Film
+from lajolla.picture_files import Budget
 
 from . import cameras
 from .assemble import assemble
 from .build import Builder, plugins_by_kind
 from .dict_reader import nodes_from_dict
-from .errors import Diagnostics, Location, SceneError, SceneWarning, blamed_on, reason_of
+from .errors import Diagnostics, Location, SceneError, SceneWarning, Source, blamed_on, reason_of
 from .expand import expand_file
 from .images import Pixels
 from .plugins import READER_PLUGINS
@@ -113,9 +114,7 @@ def sensor_names(
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
     """
-    tree, builder = _read(Path(path), parameters, strict=False)
-    resolve(tree)
-    cameras.spread(tree.root, builder.diagnostics)
+    tree, _ = _read(Path(path), parameters, strict=False)
     return cameras.names(tree.root)
 
 
@@ -155,9 +154,10 @@ def export(
     tree, builder = _read(Path(path), parameters, strict)
     description = _describe(tree, builder)
     diagnostics = Diagnostics()
+    builder = replace(builder, diagnostics=diagnostics, pictures=Budget())  # some are read again
     target = Path(target)
     stem = target.stem.encode("utf-8", "replace").decode()
-    translator = Translator(replace(builder, diagnostics=diagnostics), target.parent, stem, pack)
+    translator = Translator(builder, target.parent, stem, pack)
     with blamed_on(tree.root.location):
         text = scene_text(translator.scene(tree.root, description.core))
     told = {warning.message for warning in description.warnings}
@@ -186,9 +186,9 @@ def describe(
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
     builder = Builder(_core, Diagnostics(strict), [base], two_sided, integrator, sensor)
-    tree = nodes_from_dict(scene_dict, base, builder.table)
-    upgrade(tree.nodes, builder.table, builder.diagnostics)
-    return _describe(tree, builder)
+    with blamed_on(Location(Source("scene", b"", base))):
+        tree = nodes_from_dict(scene_dict, base, builder.table)
+    return _describe(_opened(tree, builder), builder)
 
 
 def plugins() -> dict[str, dict[str, Any]]:
@@ -201,20 +201,25 @@ def plugins() -> dict[str, dict[str, Any]]:
 
 
 def _read(path: Path, parameters: Mapping[str, str], strict: bool) -> tuple[Tree, Builder]:
-    """A scene file's nodes, up to date, and the builder that knows where its files are."""
+    """A scene file's nodes, opened, and the builder that knows where its files are."""
     diagnostics = Diagnostics(strict)
     document = expand_file(path, parameters, diagnostics)
     tree = nodes_from_elements(document.root, diagnostics)
     builder = Builder(_core, diagnostics, document.search_paths)
-    with blamed_on(tree.root.location):
-        upgrade(tree.nodes, builder.table, diagnostics)
-    return tree, builder
+    return _opened(tree, builder), builder
+
+
+def _opened(tree: Tree, builder: Builder) -> Tree:
+    """The nodes in the words of today, with what they refer to, and every camera in the scene itself."""
+    with blamed_on(tree.root.location), np.errstate(all="ignore"):  # the core checks for numbers
+        upgrade(tree.nodes, builder.table, builder.diagnostics)
+        resolve(tree)
+        cameras.spread(tree.root, builder.diagnostics)
+    return tree
 
 
 def _describe(tree: Tree, builder: Builder) -> Description:
-    with blamed_on(tree.root.location), np.errstate(all="ignore"):  # the core checks for numbers
-        resolve(tree)
-        cameras.spread(tree.root, builder.diagnostics)
+    with blamed_on(tree.root.location), np.errstate(all="ignore"):
         core = assemble(builder, tree.root)
     warnings, names = builder.diagnostics.warnings, cameras.names(tree.root)
     return Description(core, warnings, builder.places, builder.film, names)

@@ -14,7 +14,7 @@ from .errors import SceneError, did_you_mean
 from .inside import is_inside
 from .instances import add_instance, check_size
 from .mapping import warn_of_missing_coordinates
-from .nodes import Node, Property, Rgb
+from .nodes import Node, Property, Rgb, below
 from .outputs import description_of, repeated
 from .plugins.adapters import lets_light_through
 from .schema import BLACK, Slot
@@ -145,7 +145,7 @@ def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
 
 
 def _warn_of_unseen_media(builder: Builder, integrator: str, camera: dict[str, Any], sensor: Node) -> None:
-    """Media that the integrator passes over, and one that the camera stands in without a word about it."""
+    """Media that the integrator ignores, and one that the camera stands in without a word about it."""
     if not builder.media:
         return
     if integrator in WITHOUT_MEDIA:
@@ -158,7 +158,8 @@ def _warn_of_unseen_media(builder: Builder, integrator: str, camera: dict[str, A
     for i, shape in enumerate(builder.shapes):
         if shape.get("interior", -1) >= 0 and is_inside(shape, eye):
             message = (
-                f"the camera stands in the medium of this shape, but {sensor} names none: it starts outside"
+                f"the camera stands in the medium of this shape, but {sensor} does not name it, so "
+                "camera rays start outside the medium; add it to the sensor"
             )
             builder.diagnostics.warn(message, builder.places[f"shapes[{i}]"])
             return
@@ -196,9 +197,10 @@ def _add_emitter(builder: Builder, node: Node) -> None:
 
 
 def _warn_of_unused_area_lights(builder: Builder, scene: Node) -> None:
-    used = {inner for _, shape in scene.children("shape") for inner in shape.descendants()}
-    for _, node in scene.children("emitter"):
-        if node.plugin.lower() == "area" and node not in used:
+    lights = [node for _, node in scene.children("emitter") if node.plugin.lower() == "area"]
+    used = set(below(shape for _, shape in scene.children("shape"))) if lights else set()
+    for node in lights:
+        if node not in used:
             builder.diagnostics.warn(f"no shape refers to {node}; it does not shine", node.location)
 
 

@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any, TypeGuard
 
 from lajolla.film import Film
-from lajolla.picture_files import MAX_RATIO
+from lajolla.picture_files import Budget
 
 from .convert import convert
 from .errors import Diagnostics, Location, SceneError, blamed_on, did_you_mean
@@ -38,8 +38,7 @@ from .substitutes import DROPPED, NESTED, in_words_of_substitute, misspelt, subs
 # Objects that a scene can do without: one whose file is missing is left out.
 DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
 
-MOST_EXCESS = 1 << 29
-MOST_WAYS = 32  # in which one file is read
+MOST_WAYS = 32  # settings with which one file is read
 MOST_LOOKUPS = 1024  # that one texture may take
 
 # Lists of the description whose entries other entries name by index.
@@ -128,7 +127,8 @@ class Builder:
     indices: dict[str, int] = field(default_factory=dict)  # of bsdfs and adapters by what they are
     slots: dict[Slot, int] = field(default_factory=dict)
     places: dict[str, Location] = field(default_factory=dict)  # of entries: "shapes[3]"
-    excess: int = 0  # bytes of pictures from small files
+    pictures: Budget = field(default_factory=Budget)
+    sky_pixels: int = 0  # of the pictures of skies
     ways: dict[Path, int] = field(default_factory=dict)  # in which files are read
     files: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # meshes and images are read once
 
@@ -157,18 +157,7 @@ class Builder:
         """
         self.ways[path] = self.ways.get(path, 0) + 1
         if self.ways[path] > MOST_WAYS:
-            raise SceneError(f'"{path}" is read in more than {MOST_WAYS} ways', location)
-
-    def unpacked(self, path: Path, size: int, location: Location) -> None:
-        """Adds up the bytes that pictures take beyond what their files' sizes allow.
-
-        Raises:
-            SceneError: all together are too many.
-        """
-        self.excess += max(0, size - MAX_RATIO * path.stat().st_size)
-        if self.excess > MOST_EXCESS:
-            message = f"small files of pictures take more than {MOST_EXCESS >> 20} MiB together"
-            raise SceneError(message, location)
+            raise SceneError(f'"{path}" is used with more than {MOST_WAYS} different settings', location)
 
     # Plugins
 
@@ -196,7 +185,7 @@ class Builder:
             return None
 
     def known(self, node: Node) -> Node | None:
-        """The node itself where there is a plugin of that name, else what stands in for it, as is told."""
+        """The node itself where there is a plugin of that name, or what stands in for it, with a warning."""
         if self.plugin(node) is not None:
             return node
         names = self.table.get(node.kind, {})
@@ -227,16 +216,16 @@ class Builder:
         without = f", without {', '.join(names)}" if names else ""
         if node.plugin:
             self.diagnostics.unknown(f"there is no {node}; {used}{without}", node.plugin_location)
-        elif names:  # that there is none was told
+        elif names:  # that there is none was warned about
             self.diagnostics.unknown(f"{used} for the {node}{without}", node.plugin_location)
 
     def values(self, node: Node, plugin: Plugin) -> dict[str, Any]:
-        """The node's properties as fields of the plugin; unknown ones are told."""
+        """The node's properties as fields of the plugin; unknown ones are warned about."""
         fields = {f.name: f for f in plugin.fields}
         values: dict[str, Any] = {}
         for name, prop in named(node, fields):
             if _is_texture(prop.value) and self.texture(prop.value) is None:
-                continue  # left out, as was told
+                continue  # left out, as was warned about
             if name in fields and not is_child(prop.value, plugin):
                 if _is_texture(prop.value) and not self.fits(prop.value, fields[name]):
                     self.tell_texture(node, prop.name)
@@ -326,7 +315,7 @@ class Builder:
         inner = (value["texture"] for value in entry.values() if isinstance(value, dict))
         lookups = 1 + sum(self.lookups[index] for index in inner)
         if lookups > MOST_LOOKUPS:
-            message = f"{node} and the textures inside it are more than {MOST_LOOKUPS} to look up"
+            message = f"{node} needs more than {MOST_LOOKUPS} texture lookups per point"
             raise SceneError(message, node.location)
         self.lookups.append(lookups)
 

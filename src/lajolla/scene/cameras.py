@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from .errors import Diagnostics, SceneError, did_you_mean
-from .nodes import Node, Property
+from .nodes import Node, Property, below
 from .schema import HARMLESS
 
 if TYPE_CHECKING:
@@ -113,11 +113,11 @@ def tell_of_none(builder: Builder, scene: Node) -> None:
         SceneError: the file is of version 2 or newer.
     """
     message, place = "the scene has no sensor", scene.location
-    for _, shape in scene.children("shape"):
-        inside = next((s for s in (shape, *shape.descendants()) if any(s.children("sensor"))), None)
-        if inside is not None:
-            sensor = next(child for _, child in inside.children("sensor"))
-            message += f" of its own; {sensor} inside of {inside} cannot be used"
+    shapes = [shape for _, shape in scene.children("shape")]
+    for node in (*shapes, *below(shapes)):
+        sensor = next((child for _, child in node.children("sensor")), None)
+        if sensor is not None:
+            message += f" of its own; {sensor} inside of {node} cannot be used"
             place = sensor.location
             break
     if scene.version >= (2, 0, 0):

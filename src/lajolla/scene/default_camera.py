@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -24,7 +25,7 @@ def default_camera(
     camera = {"type": "perspective", "fov": FOV}
     members = {index for group in groups for index in group["shapes"]}
     corners = [box for i, shape in enumerate(shapes) if i not in members for box in _bounds(shape)]
-    inside = [[box for i in group["shapes"] for box in _bounds(shapes[i])] for group in groups]
+    inside = [_corners([box for i in group["shapes"] for box in _bounds(shapes[i])]) for group in groups]
     corners += [box for instance in instances for box in _placed(instance, inside[instance["group"]])]
     if not corners:
         return camera
@@ -39,18 +40,18 @@ def default_camera(
     }
 
 
-def _placed(instance: dict[str, Any], corners: list[Array]) -> list[Array]:
+def _corners(points: list[Array]) -> Array:
+    """The eight corners of the box around some points, none without points."""
+    if not points:
+        return np.empty((0, 3))
+    ends = zip(np.min(points, axis=0), np.max(points, axis=0), strict=True)
+    return np.array(list(itertools.product(*ends)))
+
+
+def _placed(instance: dict[str, Any], corners: Array) -> Array:
     """The corners of an instance's box."""
-    if not corners:
-        return []
-    ends = np.stack([np.min(corners, axis=0), np.max(corners, axis=0)])
     matrix = instance["to_world"]
-    return [
-        matrix[:3, :3] @ np.array([x, y, z]) + matrix[:3, 3]
-        for x in ends[:, 0]
-        for y in ends[:, 1]
-        for z in ends[:, 2]
-    ]
+    return corners @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _bounds(shape: dict[str, Any]) -> list[Array]:

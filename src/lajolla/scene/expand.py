@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from .files import find_file
 MAX_INCLUDES = 16  # in each other
 MAX_INCLUDED = 1024  # in all
 MAX_REPEATED = 1 << 22  # bytes of files that were included before
+REPEATED_RATIO = 16  # and so many more for each byte that is included for the first time
 MAX_FILLED = 1_000_000  # characters; defaults that double each other would fill the memory otherwise
 LATEST = (3, 0, 0)
 ORDINARY = "[A-Za-z0-9_]+"  # names of parameters
@@ -57,6 +59,7 @@ class _Expander:
     search_paths: list[Path] = field(default_factory=list)
     included: set[Path] = field(default_factory=set)
     inclusions: int = 0
+    included_once: int = 0  # bytes
     repeated: int = 0  # bytes
     longest: int = 0  # name of a parameter
     unusual: set[str] = field(default_factory=set)
@@ -67,13 +70,18 @@ class _Expander:
 
     def file(self, path: Path, including: list[Path], parent: Source | None) -> Element:
         source = read_source(path, str(path), self.diagnostics)
-        source.quoted = path.resolve().is_relative_to(self.root_folder.resolve())
+        source.quoted = parent is None or self._is_own(path)
         root = parse_xml(source)
         source.version = _version(root, source, parent, self.diagnostics)
         stack = [*including, path.resolve()]
         self._substitute(root)
         root.children = [c for child in root.children for c in self._expand(child, stack)]
         return root
+
+    def _is_own(self, path: Path) -> bool:
+        """Whether a file is in the scene's folder or a folder that the scene names, by links too."""
+        folders = map(os.path.abspath, [self.root_folder, *self.search_paths])
+        return any(Path(os.path.abspath(path)).is_relative_to(folder) for folder in folders)
 
     def _expand(self, element: Element, including: list[Path]) -> Iterator[Element]:
         """What stands for `element` in the tree: nothing, itself, or an included file's content."""
@@ -108,13 +116,18 @@ class _Expander:
     def _count(self, path: Path, element: Element) -> None:
         """Files that include each other more than once would grow beyond all bounds."""
         self.inclusions += 1
+        size = path.stat().st_size
         if path in self.included:
-            self.repeated += path.stat().st_size
+            self.repeated += size
+        else:
+            self.included_once += size
         self.included.add(path)
         if self.inclusions > MAX_INCLUDED:
             raise SceneError(f"more than {MAX_INCLUDED} files are included", element.location)
-        if self.repeated > MAX_REPEATED:
-            raise SceneError(f"files are included again: more than {MAX_REPEATED:,} bytes", element.location)
+        limit = MAX_REPEATED + REPEATED_RATIO * self.included_once
+        if self.repeated > limit:
+            message = f"files that are included again have {self.repeated:,} bytes; the limit is {limit:,}"
+            raise SceneError(message, element.location)
 
     def _find(self, element: Element, attribute: str) -> Path:
         folders = [element.location.source.directory, *self.search_paths, self.root_folder]

@@ -28,7 +28,7 @@ def file_bytes(path: Path) -> bytes:
     with path.open("rb") as file:
         data = file.read(max(status.st_size, 4096))
         if len(data) > status.st_size or file.read(1):  # it grows, or is made up by the system
-            raise OSError(errno.EINVAL, "not a file that stays the same")
+            raise OSError(errno.EINVAL, "changed while it was read")
     return data
 
 

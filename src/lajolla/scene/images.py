@@ -7,22 +7,26 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lajolla.picture_files import PictureError, channel_names, check_size, opened, reason
+from lajolla.picture_files import Budget, PictureError, channel_names, check_size, opened, reason
 
 from .errors import Location, SceneError
 
 Pixels = npt.NDArray[np.generic]
 
 CHANNEL_SETS = (("R", "G", "B"), ("Y",))  # the first of these that a file has is its colour
-STORED = {"uint8": "uint8", "half": "half"}  # anything else is read as float32
+FLOAT_RGB = 12  # bytes
+STORED = {"uint8": ("uint8", 1), "half": ("half", 2)}  # and bytes; anything else is read as float32
 
 
-def read_pixels(path: Path, location: Location, channel: str = "", *, pixel: int = 0) -> Pixels:
+def read_pixels(
+    path: Path, location: Location, budget: Budget, channel: str = "", *, pixel: int = 0
+) -> Pixels:
     """Reads a picture; colours as encoded in the file, alpha dropped and not multiplied in.
 
     Args:
         path: an image file of any format that OpenImageIO knows.
         location: what to blame in the scene.
+        budget: what all pictures of the scene share.
         channel: the name of one channel ("r", "a", ...) to read alone.
         pixel: bytes that a pixel will take, where that is more than in the file.
 
@@ -31,7 +35,8 @@ def read_pixels(path: Path, location: Location, channel: str = "", *, pixel: int
         float32 in [0, 1].
 
     Raises:
-        SceneError: the file is no image, is cut short, or its colours are not RGB or grey.
+        SceneError: the file is no image, is cut short, or its colours are not RGB or grey; it
+            is too large for its file, or all pictures together are.
     """
     try:
         with opened(path) as source:
@@ -40,7 +45,9 @@ def read_pixels(path: Path, location: Location, channel: str = "", *, pixel: int
             if spec.get_string_attribute("jpeg:ColorSpace") in ("CMYK", "YCbCrK"):
                 raise PictureError("its colours are CMYK; convert it to RGB")
             wanted = _channels(channel_names(spec), channel)
-            pixels = source.read_image(0, 0, 0, spec.nchannels, STORED.get(str(spec.format), "float"))
+            stored, size = STORED.get(str(spec.format), ("float", 4))
+            budget.spend(path, spec.width * spec.height * max(len(wanted) * size, pixel))
+            pixels = source.read_image(0, 0, 0, spec.nchannels, stored)
             if pixels is None:
                 raise PictureError(reason(source))
     except PictureError as problem:

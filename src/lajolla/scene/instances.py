@@ -16,7 +16,7 @@ from .schema import Field
 
 # Groups in groups, and merged shapes that are merged again, can be more than all memory holds, however
 # small the file: so many objects may come of them, and so many more for each shape that the file has.
-MOST_REPEATED = 2**16
+MOST_REPEATED = 2**22
 MOST_PER_SHAPE = 64
 TO_WORLD = Field("to_world", "transform", "")
 
@@ -70,12 +70,16 @@ def check_size(scene: Node) -> None:
     """
     added: dict[Node, int] = {}
     placed: dict[Node, int] = {}
-    total = 0
+    total, largest, owner = 0, 0, scene
     for _, node in scene.children("shape"):
-        total += _added(node, added, placed)
-        if total > MOST_REPEATED + MOST_PER_SHAPE * (len(added) + len(placed)):
-            message = f"instances and merged shapes make more than {MOST_REPEATED:,} objects of a small file"
-            raise SceneError(message, node.location)
+        count = _added(node, added, placed)
+        total += count
+        if count > largest:
+            largest, owner = count, node
+    limit = MOST_REPEATED + MOST_PER_SHAPE * (len(added) + len(placed))
+    if total > limit:
+        message = f"instances and merged shapes make {total:,} objects; the limit is {limit:,}"
+        raise SceneError(message, owner.location)
 
 
 def _added(node: Node, added: dict[Node, int], placed: dict[Node, int]) -> int:

@@ -20,7 +20,7 @@ from .assemble import NEVER_LIGHTS
 from .build import Builder, is_child, named
 from .convert import constant_or_texture, convert
 from .files import MissingFile, file_bytes
-from .images import Pixels, is_integer_file, read_pixels
+from .images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
 from .mitsuba3_coats import coating
 from .mitsuba3_instances import Contents, group, instances
 from .mitsuba3_meshes import reads_alike
@@ -35,7 +35,7 @@ from .mitsuba3_plugins import (
     like,
     with_boundary,
 )
-from .nodes import Node, Property, Rgb, Value, Vector
+from .nodes import Node, Property, Rgb, Value, Vector, below
 from .plugins import colours
 from .plugins.textures import decode, is_alpha
 from .ply_bytes import ply_bytes
@@ -95,6 +95,7 @@ class Translator:
                         continue
                     around = child
                 result.properties.append(Property(prop.name, child, prop.location, prop.name_location))
+        self._fill_copies(result)
         return result
 
     def _described(self, root: Node, kind: str, entry: Mapping[str, Any]) -> Property:
@@ -109,7 +110,7 @@ class Translator:
             known = self.builder.known(node)
             try:
                 self.done[node] = None if known is None else self._translate(known)
-            except MissingFile:  # reading the scene told of it
+            except MissingFile:  # reading the scene warned of it
                 self.done[node] = None
         return self.done[node]
 
@@ -179,7 +180,7 @@ class Translator:
             if prop.value.kind != "texture" or field is None:
                 return self.node(prop.value)
             if not self.builder.fits(prop.value, field):
-                return None  # reading the scene told of it
+                return None  # reading the scene warned of it
             if prop.value.plugin.lower() not in CONSTANTS:
                 return self.node(prop.value)
             if isinstance(content := constant_or_texture(self.builder, prop), dict):  # a texture inside
@@ -188,7 +189,7 @@ class Translator:
             if field.type != "float":
                 prop = Property(prop.name, content, prop.location, prop.name_location)
         if field is None:
-            return None  # reading the scene told of it
+            return None  # reading the scene warned of it
         value = convert(self.builder, node, prop, field)
         if field.type in ("texture_spectrum", "spectrum", "volume_spectrum") and isinstance(value, tuple):
             return Rgb(value)
@@ -207,10 +208,20 @@ class Translator:
         try:
             written.encode()
         except UnicodeEncodeError:  # XML cannot name the file: a copy gets another name
-            written = f"{self.stem}-files/{len(self.packed)}{path.suffix}"
-            self.packed[written] = file_bytes(path)
+            known = (name for name, source in self.copied.items() if source == path)
+            written = next(known, f"{self.stem}-files/{len(self.packed)}{path.suffix}")
             self.copied[written] = path
+            self.packed[written] = b""  # filled when it is known whether it is used
         return written
+
+    def _fill_copies(self, scene: Node) -> None:
+        """Copies files that the written scene names; of meshes that are packed it does not."""
+        names = {p.value for node in below([scene]) for p in node.properties if isinstance(p.value, str)}
+        for name, path in self.copied.items():
+            if name in names:
+                self.packed[name] = file_bytes(path)
+            else:
+                del self.packed[name]
 
     def nearest(self, node: Node) -> Node | None:
         """What comes nearest to a plugin that Mitsuba 3 does not have."""
@@ -230,7 +241,8 @@ class Translator:
 
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
         """Packs a bitmap's pixels as linear floating-point numbers; the name of the file."""
-        pixels = read_pixels(self._file_of(node), node.property_location("filename"), channel)
+        place = node.property_location("filename")
+        pixels = read_pixels(self._file_of(node), place, self.builder.pictures, channel, pixel=FLOAT_RGB)
         name = f"{self.stem}-files/{len(self.packed)}.exr"
         encoded = is_integer_file(self._file_of(node))
         linear = decode(pixels, 1.0 if is_alpha(channel) else gamma) if encoded else pixels
@@ -251,7 +263,7 @@ class Translator:
             try:
                 with self._telling(known or node):
                     self.made[node] = [] if known is None else self._shapes(known)
-            except MissingFile:  # reading the scene told of it
+            except MissingFile:  # reading the scene warned of it
                 self.made[node] = []
         return self.made[node]
 

@@ -273,7 +273,7 @@ def _sensor(translator: Translator, read: Node, node: Node) -> Node | None:
 
 
 def _without(translator: Translator, node: Node, *names: str) -> Node:
-    """The node without what Mitsuba 3 has no word for, which is told."""
+    """The node without what Mitsuba 3 has no word for, which is warned about."""
     translator.lose(*(name for name in names if node.find(name) is not None))
     return _renamed(node, node.plugin, *names)
 

@@ -123,18 +123,8 @@ class Node:
         found = list(dict.fromkeys(node for _, node in self.children(kind)))
         if len(found) < 2:
             return found
-        parts = {inner for node in found for inner in node.descendants()}
+        parts = set(below(found))
         return [node for node in found if node not in parts]
-
-    def descendants(self) -> set[Node]:
-        """All nodes below this one."""
-        found: set[Node] = set()
-        waiting = [self]
-        while waiting:
-            inner = {p.value for p in waiting.pop().properties if isinstance(p.value, Node)} - found
-            found |= inner
-            waiting += inner
-        return found
 
     def set_default(self, name: str, value: Value) -> None:
         """Adds a property unless one of that name is there."""
@@ -153,3 +143,15 @@ class Node:
 
     def __str__(self) -> str:
         return f'{self.kind} "{self.plugin}"' if self.plugin else self.kind
+
+
+def below(nodes: Iterable[Node]) -> list[Node]:
+    """All nodes below these, each once however often it is referred to."""
+    found: dict[Node, None] = {}
+    waiting = list(nodes)
+    while waiting:
+        for prop in waiting.pop().properties:
+            if isinstance(prop.value, Node) and prop.value not in found:
+                found[prop.value] = None
+                waiting.append(prop.value)
+    return list(found)

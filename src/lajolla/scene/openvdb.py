@@ -102,7 +102,8 @@ def _unpacked(block: bytes, codec: int, size: int) -> Bytes:
     if codec == NONE:
         data = block
     elif codec == ZIP and size > SMALL_UNPACKED + MOST_PACKING * len(block):
-        raise VoxelError("its data is packed too tightly")
+        wanted = f"its compressed data would take {size >> 20:,} MiB"
+        raise VoxelError(f"{wanted}, more than {MOST_PACKING} times the file")
     elif codec == ZIP:
         try:
             data = zlib.decompressobj().decompress(block[8:], size + 1)

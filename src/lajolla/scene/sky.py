@@ -91,6 +91,8 @@ def _julian_day_number(year: int, month: int, day: int) -> int:
 
 # Sky
 
+BLOCK = 1 << 18  # pixels that are computed at a time
+
 
 def sky_map(
     sun: Array, turbidity: float, albedo: Array, width: int, *, stretch: float = 1, extend: bool = False
@@ -106,10 +108,27 @@ def sky_map(
         extend: goes on below the horizon, darker towards the nadir.
 
     Returns:
-        (width // 4 * 2 + 1, width, 3) float32.
+        (map_height(width), width, 3) float32.
     """
-    height = width // 4 * 2 + 1
-    theta = np.pi * np.arange(height)[:, None] / (height - 1)
+    height = map_height(width)
+    result = np.empty((height, width, 3), np.float32)
+    rows = max(1, BLOCK // width)
+    for first in range(0, height, rows):
+        theta = np.pi * np.arange(first, min(first + rows, height))[:, None] / (height - 1)
+        block = _sky_rows(theta, sun, turbidity, albedo, width, stretch=stretch, extend=extend)
+        result[first : first + rows] = block
+    return result
+
+
+def map_height(width: int) -> int:
+    """An odd number, so that a row is the horizon."""
+    return width // 4 * 2 + 1
+
+
+def _sky_rows(
+    theta: Array, sun: Array, turbidity: float, albedo: Array, width: int, *, stretch: float, extend: bool
+) -> Array:
+    """The rows of a sky map at angles (n, 1) from the zenith."""
     phi = 2 * np.pi * (np.arange(width)[None, :] + 0.5) / width
     zenith_angle = np.minimum(theta / stretch, np.pi / 2)
     sin = np.sin(zenith_angle)
@@ -121,7 +140,7 @@ def sky_map(
     else:  # what a row shows is spread over its neighbours: the horizon's own is half sky
         below = theta / stretch - np.pi / 2
         radiance *= np.where(below > 1e-9, 0, np.where(below > -1e-9, 0.5, 1))[..., None]
-    return radiance.astype(np.float32)
+    return radiance
 
 
 def sky_radiance(

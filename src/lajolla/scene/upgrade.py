@@ -74,7 +74,7 @@ def _correct_names(node: Node, plugins: Iterable[Plugin], diagnostics: Diagnosti
         if prop.name in fields or node.find(name) is not None:
             continue
         if name in fields:
-            message = f'"{prop.name}" of {node} is the name of before version 2 of "{name}", which is used'
+            message = f'"{prop.name}" of {node} is the old name of "{name}"; it is read as "{name}"'
             diagnostics.unknown(message, prop.name_location)
         if name in fields | harmless:
             prop.name = name

@@ -11,12 +11,12 @@ import numpy as np
 from ..errors import SceneError
 from ..nodes import Array, Node, Rgb, Vector
 from ..schema import Field, Plugin
-from ..sky import SUN_DIAMETER, Moment, hosek_sun, luminance, preetham_sun, sky_map, sun_angles
+from ..sky import SUN_DIAMETER, Moment, hosek_sun, luminance, map_height, preetham_sun, sky_map, sun_angles
 
 if TYPE_CHECKING:
     from ..build import Builder
 
-MOST_SKIES = 16  # each is a picture
+WIDEST = 8192  # sky; all together have as many pixels as one of these
 Entries = list[dict[str, Any]]
 
 # From an environment map's space, where +y is up, to that of a sky with +z up.
@@ -76,13 +76,16 @@ def _sky_light(
 ) -> Entries:
     if scale == 0:
         return []
-    if sum(entry["type"] == "envmap" for entry in builder.emitters) >= MOST_SKIES:
-        raise SceneError(f"there are more than {MOST_SKIES} maps around the scene", node.location)
+    width = values.get("resolution", 512)
+    builder.sky_pixels += width * map_height(width)
+    most = WIDEST * map_height(WIDEST)
+    if builder.sky_pixels > most:
+        raise SceneError(f"the skies of the scene have more than {most:,} pixels", node.location)
     pixels = sky_map(
         sun,
         values.get("turbidity", 3.0),
         np.array(values.get("albedo", (0.3,) * 3)),
-        values.get("resolution", 512),
+        width,
         stretch=values.get("stretch", 1.0),
         extend=values.get("extend", False),
     )
@@ -163,7 +166,7 @@ COMMON = (
 )
 SKY = (
     Field("albedo", "spectrum", "of the ground", 0.3, 0.0, 1.0),
-    Field("resolution", "integer", "width of the image of the sky", 512, 4, 2048, "pixels"),
+    Field("resolution", "integer", "width of the image of the sky", 512, 4, WIDEST, "pixels"),
     Field("extend", "boolean", "the sky goes on below the horizon", False),
 )
 SUN = (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..images import is_integer_file, read_pixels
+from ..images import FLOAT_RGB, is_integer_file, read_pixels
 from ..nodes import Node
 from ..schema import Field, Plugin
 from .lenses import LENS, field_of_view, width_per_axis
@@ -22,7 +22,7 @@ def _envmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
     path, location = builder.find(node)
     key = ("envmap", path.resolve())
     if key not in builder.files:
-        pixels = read_pixels(path, location, pixel=FLOAT_RGB)
+        pixels = read_pixels(path, location, builder.pictures, pixel=FLOAT_RGB)
         pixels = decode(pixels) if is_integer_file(path) else pixels.astype(np.float32)
         if not np.all(np.isfinite(pixels)) or np.any(pixels < 0):
             builder.diagnostics.warn(
@@ -74,8 +74,6 @@ def _collimated(builder: Builder, node: Node, values: dict[str, Any]) -> None:
         f"{node} is a beam without width, which no path finds; it is left out", node.location
     )
 
-
-FLOAT_RGB = 12  # bytes
 
 PLACE = Field("to_world", "transform", "placement, instead of the above")
 BEAM = (

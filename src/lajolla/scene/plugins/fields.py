@@ -44,7 +44,7 @@ def _heightfield(builder: Builder, node: Node, values: dict[str, Any]) -> dict[s
 def _heights(builder: Builder, owner: Node) -> Array:
     path, location = builder.find(owner)
     raw = owner.find("raw")
-    pixels = read_pixels(path, location, pixel=CELL)
+    pixels = read_pixels(path, location, builder.pictures, pixel=CELL)
     if is_integer_file(path) and not (raw and raw.value is True):
         pixels = decode(pixels)
     elif pixels.dtype == np.uint8:

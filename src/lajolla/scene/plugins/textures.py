@@ -8,7 +8,7 @@ import numpy as np
 
 from ..convert import convert
 from ..errors import SceneError
-from ..images import Pixels, is_integer_file, read_pixels
+from ..images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
 from ..nodes import Node
 from ..schema import Content, Field, Plugin
 
@@ -29,8 +29,8 @@ def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
         key = ("texture", path.resolve(), raw, gamma, channel)
         if key not in builder.files:
             builder.reading(path, location)
-            pixels = read_pixels(path, location, channel)
-            builder.unpacked(path, pixels.nbytes, location)
+            decoded = FLOAT_RGB if gamma > 0 and gamma != 1 else 0
+            pixels = read_pixels(path, location, builder.pictures, channel, pixel=decoded)
             builder.files[key] = _image(builder, pixels, gamma, encoded=encoded and is_integer_file(path))
         image = builder.files[key]
     return {"type": "bitmap", "image": image, **values}
@@ -76,7 +76,7 @@ def _from_array(node: Node, data: Content, channel: str) -> tuple[Pixels, bool]:
     except (TypeError, ValueError):
         raise SceneError(f'"data" of {node} is not an array', node.location) from None
     names = CHANNELS[array.shape[2]]
-    if channel and channel.lower() not in names:
+    if channel and (len(channel) != 1 or channel.lower() not in names):
         raise SceneError(
             f'"data" of {node} has no channel "{channel}", only {", ".join(names)}', node.location
         )
