@@ -54,8 +54,8 @@ struct TriangleMesh {
     bool has_normals() const { return !face_normals && !mesh->normals.empty(); }
 };
 
-// The distance at which a ray meets a sphere. The discriminant comes from the distance between centre and ray,
-// which does not cancel for distant or large spheres (Haines et al. 2019, "Precision Improvements for
+// The distance at which a ray meets a sphere. The discriminant comes from the distance between centre and
+// ray, which does not cancel for distant or large spheres (Haines et al. 2019, "Precision Improvements for
 // Ray/Sphere Intersection").
 template <class Float>
 Float intersect_sphere(const Vec3f &center, float radius, const Ray<Float> &ray) {

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -25,14 +26,16 @@ from lajolla.picture_files import Budget
 from .description import cameras
 from .description.assemble import assemble
 from .description.builder import Builder, plugins_by_kind
+from .description.entries import Places
 from .description.plugins import READER_PLUGINS
 from .formats.images import Pixels
 from .schema import core_schema
 from .syntax.dict_reader import nodes_from_dict
 from .syntax.errors import Diagnostics, Location, SceneError, SceneWarning, Source, blamed_on, reason_of
 from .syntax.expand import expand_file
-from .syntax.resolve import resolve
-from .syntax.typed import Tree, nodes_from_elements
+from .syntax.nodes import Node
+from .syntax.resolve import follow, resolve
+from .syntax.typed import Tree, member_of_run, nodes_from_elements
 from .versions.upgrade import upgrade
 
 __all__ = [
@@ -61,7 +64,7 @@ class Description:
 
     core: dict[str, Any]
     warnings: list[SceneWarning]
-    places: Mapping[str, Location] = field(default_factory=dict)
+    places: Places = field(default_factory=Places)
     film: Film = field(default_factory=Film)
     sensors: tuple[str, ...] = ()  # the ids, or else numbers, of all that there are
 
@@ -75,9 +78,10 @@ class Description:
         if not isinstance(problem, _core.DescriptionError):
             return SceneError(reason_of(problem), self.places.get("scene"))
         entry = re.match(r"(\w+(?:\[\d+\])?)(?: \(\w+\))?(?:\.|: )(.*)", str(problem), re.DOTALL)
-        if entry is None or entry[1] not in self.places:
+        place = self.places.find(entry[1]) if entry else None
+        if entry is None or place is None:
             return SceneError(str(problem), self.places.get("scene"))
-        return SceneError(entry[2], self.places[entry[1]])
+        return SceneError(entry[2], place)
 
 
 def load_description(
@@ -88,6 +92,7 @@ def load_description(
     two_sided: bool = False,
     integrator: str | None = None,
     sensor: str | int | None = None,
+    runs: bool = True,
 ) -> Description:
     """Reads a Mitsuba scene file of any version.
 
@@ -98,11 +103,12 @@ def load_description(
         two_sided: make opaque materials the same on the back.
         integrator: the plugin to use in place of the scene's integrator, with the parameters that both have.
         sensor: the number, from zero, or the id of the one to look through.
+        runs: read shapes that are alike together, which is quicker and means the same.
 
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
     """
-    tree, builder = _read(Path(path), parameters, strict)
+    tree, builder = _read(Path(path), parameters, strict, runs=runs)
     return _describe(tree, replace(builder, two_sided=two_sided, integrator=integrator, sensor=sensor))
 
 
@@ -151,7 +157,7 @@ def convert(
     from .export.translator import Translator  # the way out, which no render needs
     from .export.write import scene_text
 
-    tree, builder = _read(Path(path), parameters, strict)
+    tree, builder = _read(Path(path), parameters, strict, runs=False)
     description = _describe(tree, builder)
     diagnostics = Diagnostics()
     builder = replace(builder, diagnostics=diagnostics, pictures=Budget())  # some are read again
@@ -200,13 +206,24 @@ def plugins() -> dict[str, dict[str, Any]]:
     return result
 
 
-def _read(path: Path, parameters: Mapping[str, str], strict: bool) -> tuple[Tree, Builder]:
+def _read(
+    path: Path, parameters: Mapping[str, str], strict: bool, *, runs: bool = True
+) -> tuple[Tree, Builder]:
     """A scene file's nodes, opened, and the builder that knows where its files are."""
     diagnostics = Diagnostics(strict)
-    document = expand_file(path, parameters, diagnostics)
+    document = expand_file(path, parameters, diagnostics, runs=runs)
     tree = nodes_from_elements(document.root, diagnostics)
     builder = Builder(_core, diagnostics, document.search_paths)
-    return _opened(tree, builder), builder
+    return _opened(tree, builder), replace(builder, members=partial(_members, tree, builder))
+
+
+def _members(tree: Tree, builder: Builder, node: Node) -> Iterator[Node]:
+    """The shapes for which the node of a run stands, one by one, as if there were no run."""
+    for index in range(node.count):
+        member = member_of_run(node, index)
+        upgrade(member.nodes, builder.table, Diagnostics())  # the run was told of
+        follow(member, tree.ids)
+        yield next(child for _, child in member.root.children("shape"))
 
 
 def _opened(tree: Tree, builder: Builder) -> Tree:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -138,6 +138,7 @@ class Plugin:
     children: tuple[str, ...] = ()
     model: str = ""  # the core model that it makes, whose fields it shares
     hidden: tuple[str, ...] = ()  # fields of the model that scenes do not set
+    in_runs: bool = False  # `build` takes columns of values as well
 
     def with_model(self, schema: Schema) -> Plugin:
         """The same plugin with the fields of its core model before its own, and its doc if it has none."""
@@ -146,7 +147,7 @@ class Plugin:
         shared = fields_of(schema, kind, self.model) if self.model else ()
         own = {f.name for f in self.fields}
         kept = [f for f in shared if f.name not in own and f.name not in self.hidden]
-        return Plugin(self.kind, self.name, doc, (*kept, *self.fields), self.build, self.children, self.model)
+        return replace(self, doc=doc, fields=(*kept, *self.fields), hidden=())
 
     def described(self) -> dict[str, Any]:
         """The plugin in the form of `_core.schema()`."""

@@ -29,6 +29,7 @@ from ..schema import (
 from ..syntax.errors import Diagnostics, Location, SceneError, blamed_on, did_you_mean
 from ..syntax.files import MissingFile, find_file
 from ..syntax.nodes import Node, Property
+from .entries import Entries, Places
 from .outputs import Picture
 from .plugins import READER_PLUGINS
 from .plugins.films import Layer
@@ -88,7 +89,8 @@ def _of_model(kind: str, name: str) -> Plugin:
     """A model of the core as a plugin."""
     schema = core_schema()
     fields, doc = fields_of(schema, kind, name), schema[kind][name]["doc"]
-    return Plugin(kind, name, doc, fields, _entry, CHILDREN.get(kind, ()), model=name)
+    in_runs = kind in ("shape", "bsdf")
+    return Plugin(kind, name, doc, fields, _entry, CHILDREN.get(kind, ()), model=name, in_runs=in_runs)
 
 
 def _entry(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
@@ -108,25 +110,26 @@ class Builder:
     integrator: str | None = None  # in place of the scene's
     sensor: str | int | None = None  # which one of several, by id or number
     table: Mapping[str, Mapping[str, Plugin]] = field(default_factory=plugins_by_kind)
-    textures: list[dict[str, Any]] = field(default_factory=list)
+    textures: Entries = field(default_factory=Entries)
     lookups: list[int] = field(default_factory=list)  # of each texture, how many it takes
-    bsdfs: list[dict[str, Any]] = field(default_factory=list)
+    bsdfs: Entries = field(default_factory=Entries)
     transmissive: list[bool] = field(default_factory=list)  # of each bsdf, whether light passes through
-    adapters: list[dict[str, Any]] = field(default_factory=list)
-    materials: list[dict[str, Any]] = field(default_factory=list)
-    emitters: list[dict[str, Any]] = field(default_factory=list)
-    shapes: list[dict[str, Any]] = field(default_factory=list)
-    volumes: list[dict[str, Any]] = field(default_factory=list)
-    phases: list[dict[str, Any]] = field(default_factory=list)
-    media: list[dict[str, Any]] = field(default_factory=list)
-    groups: list[dict[str, Any]] = field(default_factory=list)
-    instances: list[dict[str, Any]] = field(default_factory=list)
+    adapters: Entries = field(default_factory=Entries)
+    materials: Entries = field(default_factory=Entries)
+    emitters: Entries = field(default_factory=Entries)
+    shapes: Entries = field(default_factory=Entries)
+    volumes: Entries = field(default_factory=Entries)
+    phases: Entries = field(default_factory=Entries)
+    media: Entries = field(default_factory=Entries)
+    groups: Entries = field(default_factory=Entries)
+    instances: Entries = field(default_factory=Entries)
     film: Film = field(default_factory=Film)  # how the picture is written
     layers: list[Layer] = field(default_factory=list)  # what the film says of integrators in `multichannel`
     built: dict[Node, Any] = field(default_factory=dict)  # textures and bsdfs are shared
     indices: dict[str, int] = field(default_factory=dict)  # of bsdfs and adapters by what they are
     slots: dict[Slot, int] = field(default_factory=dict)
-    places: dict[str, Location] = field(default_factory=dict)  # of entries: "shapes[3]"
+    places: Places = field(default_factory=Places)
+    members: Callable[[Node], Iterator[Node]] = lambda node: iter((node,))  # of a run, one by one
     pictures: Budget = field(default_factory=Budget)
     sky_pixels: int = 0  # of the pictures of skies
     ways: dict[Path, int] = field(default_factory=dict)  # in which files are read
@@ -303,12 +306,11 @@ class Builder:
 
     def add(self, where: str, entry: dict[str, Any], node: Node) -> int:
         """Adds an entry to a list of the description; its index."""
-        entries: list[dict[str, Any]] = getattr(self, where)
         if where == "textures":
             self._count_lookups(entry, node)
-        self.places[f"{where}[{len(entries)}]"] = node.location
-        entries.append(entry)
-        return len(entries) - 1
+        index: int = getattr(self, where).add(entry)
+        self.places[f"{where}[{index}]"] = node.location
+        return index
 
     def _count_lookups(self, entry: dict[str, Any], node: Node) -> None:
         """Textures that are read more than once by each other take twice as long at every level."""
@@ -321,12 +323,17 @@ class Builder:
 
     def add_once(self, where: str, entry: dict[str, Any], node: Node) -> int:
         """The index of an entry of a list; the same one is not added twice."""
-        key = repr((where, entry))
+        key = self.key_of(where, entry)
         if key not in self.indices:
             if where == "bsdfs":
                 self.transmissive.append(self._is_transmissive(entry, node))
             self.indices[key] = self.add(where, entry, node)
         return self.indices[key]
+
+    @staticmethod
+    def key_of(where: str, entry: dict[str, Any]) -> str:
+        """By what an entry of a list is known."""
+        return repr((where, entry))
 
     def _is_transmissive(self, entry: dict[str, Any], node: Node) -> bool:
         """Asks the core, which refuses the values that it does not take."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from ..schema import Field
 from ..syntax.errors import SceneError
 from ..syntax.nodes import Array, Node, Property
+from ..syntax.runs import Irregular
 from .builder import Builder
 from .values import convert
 
@@ -20,7 +21,7 @@ MOST_REPEATED = 2**22
 MOST_PER_SHAPE = 64
 TO_WORLD = Field("to_world", "transform", "")
 
-AddShape = Callable[[Builder, Node], list[int]]
+AddShape = Callable[[Builder, Node], Sequence[int]]
 
 
 @dataclass
@@ -53,6 +54,23 @@ def add_instance(builder: Builder, node: Node, add_shape: AddShape) -> None:
         _add_light(builder, light, matrix @ placed, add_shape)
 
 
+def plain_group(add_shape: AddShape) -> Callable[[Builder, Node], int]:
+    """What finds the group of the description that a shapegroup is.
+
+    It raises `Irregular` where the shapegroup is more than that.
+    """
+
+    def find(builder: Builder, group: Node) -> int:
+        if group.plugin.lower() != "shapegroup":
+            raise Irregular
+        contents = _contents(builder, group, add_shape)
+        if contents.lights or len(contents.groups) != 1 or np.any(contents.groups[0][0] != np.eye(4)):
+            raise Irregular
+        return contents.groups[0][1]
+
+    return find
+
+
 def group_of(builder: Builder, node: Node) -> Node:
     groups = [child for _, child in node.children("shape")]
     if not groups or any(group.plugin.lower() != "shapegroup" for group in groups):
@@ -73,10 +91,10 @@ def check_size(scene: Node) -> None:
     total, largest, owner = 0, 0, scene
     for _, node in scene.children("shape"):
         count = _added(node, added, placed)
-        total += count
+        total += count * node.count
         if count > largest:
             largest, owner = count, node
-    limit = MOST_REPEATED + MOST_PER_SHAPE * (len(added) + len(placed))
+    limit = MOST_REPEATED + MOST_PER_SHAPE * (sum(node.count for node in added) + len(placed))
     if total > limit:
         message = f"instances and merged shapes make {total:,} objects; the limit is {limit:,}"
         raise SceneError(message, owner.location)
@@ -86,11 +104,13 @@ def _added(node: Node, added: dict[Node, int], placed: dict[Node, int]) -> int:
     """How many shapes and instances a shape becomes where it stands, with the members of a new group."""
     if node not in added:
         children = [child for _, child in node.children("shape")]
+        members = {m for prop in node.properties for m in prop.members if isinstance(m, Node)}
         kind = node.plugin.lower()
-        if kind == "instance":
-            added[node] = sum(_placed(child, added, placed) for child in children)
+        if kind == "instance":  # the largest of those in a run
+            first = sum(_placed(child, added, placed) for child in children)
+            added[node] = max(first, *(_placed(member, added, placed) for member in members), 0)
         elif kind in ("merge", "shapegroup"):
-            added[node] = sum(_added(child, added, placed) for child in children)
+            added[node] = sum(_added(child, added, placed) * child.count for child in children)
         else:
             added[node] = 1
     return added[node]
@@ -102,7 +122,7 @@ def _placed(group: Node, added: dict[Node, int], placed: dict[Node, int]) -> int
         total = 1
         for _, child in group.children("shape"):
             if child.plugin.lower() == "instance":
-                total += sum(_placed(inner, added, placed) for _, inner in child.children("shape"))
+                total += _added(child, added, placed) * child.count
             elif child.plugin.lower() in ("shapegroup", "merge"):
                 total += _placed(child, added, placed)
             else:
@@ -128,9 +148,10 @@ def _build(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
         if name == "shapegroup":
             contents.extend(np.eye(4), _contents(builder, child, add_shape))
         elif name == "instance":
-            builder.construct(child)
-            inner = _contents(builder, group_of(builder, child), add_shape)
-            contents.extend(placement(builder, child), inner)
+            for instance in [child] if child.run is None else builder.members(child):
+                builder.construct(instance)
+                inner = _contents(builder, group_of(builder, instance), add_shape)
+                contents.extend(placement(builder, instance), inner)
         elif any(emitter.plugin.lower() == "area" for _, emitter in child.children("emitter")):
             contents.lights.append((np.eye(4), child))
         else:

@@ -14,7 +14,8 @@ from ..schema import Content, Field
 from ..syntax.errors import SceneError, did_you_mean
 from ..syntax.files import find_file
 from ..syntax.literals import Text, parse_numbers
-from ..syntax.nodes import Blackbody, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
+from ..syntax.nodes import Blackbody, Column, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
+from ..syntax.runs import Irregular
 from ..syntax.transforms import checked_matrix
 from .bounds import bounds_of, within
 
@@ -46,6 +47,27 @@ def convert(builder: Builder, owner: Node, prop: Property, field: Field) -> Cont
     if isinstance(value, tuple) and not all(map(math.isfinite, value)):
         raise SceneError(f'"{prop.name}" of {owner} must be finite', prop.location)
     return value
+
+
+def convert_column(builder: Builder, owner: Node, prop: Property, field: Field) -> Column:
+    """The values of a run as a field of that type.
+
+    Raises:
+        Irregular: one of them is of another type or out of range, or the type has no columns.
+    """
+    column, (low, high) = prop.value, _limits(field)
+    assert isinstance(column, Column)
+    rows = column.rows
+    shape = rows.shape[1:]
+    if field.type == "transform" and shape == (4, 4) and field.name != "to_uv":
+        return column  # checked when it was read
+    if field.type == "vector" and shape == (3,):
+        return column
+    number = shape == () and field.type in ("float", "texture_float", "texture_spectrum", "spectrum")
+    colour = shape == (3,) and field.type in ("texture_spectrum", "spectrum")
+    if not number and not colour or not np.all((rows >= low) & (rows <= high)):
+        raise Irregular
+    return Column(np.repeat(rows[:, None], 3, axis=1)) if number and "spectrum" in field.type else column
 
 
 def _float(builder: Builder, owner: Node, prop: Property, field: Field) -> float | None:

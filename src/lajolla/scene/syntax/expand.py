@@ -31,17 +31,20 @@ class Document:
     search_paths: list[Path]
 
 
-def expand_file(path: Path, parameters: Mapping[str, str], diagnostics: Diagnostics) -> Document:
+def expand_file(
+    path: Path, parameters: Mapping[str, str], diagnostics: Diagnostics, *, runs: bool = True
+) -> Document:
     """Reads a scene file, and all that it includes, with parameters filled in.
 
     Args:
         path: the scene file.
         parameters: values for `$name`; they win over the file's own defaults.
+        runs: put shapes that are alike into runs.
 
     Raises:
         SceneError: a file is missing or malformed, or includes itself.
     """
-    expander = _Expander(dict(parameters), diagnostics, path.parent)
+    expander = _Expander(dict(parameters), diagnostics, path.parent, runs)
     root = expander.file(path, [], None)
     for name in sorted(set(parameters) - expander.used):
         known = expander.used | expander.defaults.keys()
@@ -54,6 +57,7 @@ class _Expander:
     parameters: dict[str, str]
     diagnostics: Diagnostics
     root_folder: Path
+    runs: bool
     defaults: dict[str, str] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
     search_paths: list[Path] = field(default_factory=list)
@@ -71,7 +75,7 @@ class _Expander:
     def file(self, path: Path, including: list[Path], parent: Source | None) -> Element:
         source = read_source(path, str(path), self.diagnostics)
         source.quoted = parent is None or self._is_own(path)
-        root = parse_xml(source)
+        root = parse_xml(source, runs=self.runs)
         source.version = _version(root, source, parent, self.diagnostics)
         stack = [*including, path.resolve()]
         self._substitute(root)
@@ -85,6 +89,9 @@ class _Expander:
 
     def _expand(self, element: Element, including: list[Path]) -> Iterator[Element]:
         """What stands for `element` in the tree: nothing, itself, or an included file's content."""
+        if element.run is not None:  # there is nothing to fill in
+            yield element
+            return
         if not self._substitute(element):
             return
         if element.tag == "default":
@@ -105,7 +112,7 @@ class _Expander:
         if len(including) > MAX_INCLUDES:
             raise SceneError(f"files are included more than {MAX_INCLUDES} deep", element.location)
         self._count(path, element)
-        root = self.file(path, including, element.location.source)
+        root = self.file(path, including, element.source)
         if root.tag == "scene":
             yield from root.children
         else:
@@ -130,7 +137,7 @@ class _Expander:
             raise SceneError(message, element.location)
 
     def _find(self, element: Element, attribute: str) -> Path:
-        folders = [element.location.source.directory, *self.search_paths, self.root_folder]
+        folders = [element.source.directory, *self.search_paths, self.root_folder]
         return find_file(required(element, attribute), folders, element.at(attribute))
 
     def _add_search_path(self, element: Element) -> None:

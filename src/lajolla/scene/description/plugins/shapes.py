@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from ...schema import CHILDREN, Field, Plugin
-from ...syntax.nodes import Array, Node
+from ...syntax.nodes import Array, Column, Node
+from ...syntax.runs import Irregular
 from .tessellate import MeshArrays, cube_arrays, cylinder_arrays, frame_around, sphere_arrays
 
 if TYPE_CHECKING:
     from ..builder import Builder
 
+Truths: TypeAlias = np.bool_ | npt.NDArray[np.bool_]
 Build = Callable[["Builder", Node, dict[str, Any]], dict[str, Any]]
 
 
@@ -27,12 +30,14 @@ def _round_shape(name: str, arrays: Callable[[dict[str, Any]], MeshArrays]) -> B
     """A builder for shapes that the core knows only when `to_world` scales alike in all directions."""
 
     def build(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-        if name == "sphere" and _mirrors(values) and node.version >= (2, 0, 0):
+        if name == "sphere" and _agreed(_mirrors(values)) and node.version >= (2, 0, 0):
             values["flip_normals"] = not values.get("flip_normals", False)  # as in Mitsuba 3
         if name == "cylinder":
             values = _evened_cylinder(values)
-        if _is_similarity(values.get("to_world", np.eye(4))):
+        if _agreed(_is_similarity(_matrices(values))):
             return {"type": name, **values}
+        if node.run is not None:
+            raise Irregular
         builder.diagnostics.warn(f"a stretched {name} is rendered as a mesh of fine triangles", node.location)
         placed = {k: values[k] for k in ("to_world", "flip_normals") if k in values}
         return {"type": "mesh", "mesh": builder.core.Mesh(*arrays(values)), **placed}
@@ -67,8 +72,25 @@ def _evened_cylinder(values: dict[str, Any]) -> dict[str, Any]:
     return {**values, "p0": (0.0, 0.0, 0.0), "p1": end, "radius": radius, "to_world": to_world}
 
 
-def _mirrors(values: dict[str, Any]) -> bool:
-    return bool(np.linalg.det(np.asarray(values.get("to_world", np.eye(4)))[:3, :3]) < 0)
+def _matrices(values: dict[str, Any]) -> Array:
+    """`to_world`, or that of each member of a run."""
+    matrix = values.get("to_world", np.eye(4))
+    return matrix.rows if isinstance(matrix, Column) else np.asarray(matrix)
+
+
+def _mirrors(values: dict[str, Any]) -> Truths:
+    return np.linalg.det(_matrices(values)[..., :3, :3]) < 0
+
+
+def _agreed(truths: Truths) -> bool:
+    """What is true of one shape, or of all members of a run.
+
+    Raises:
+        Irregular: it is true of some.
+    """
+    if np.any(truths) != np.all(truths):
+        raise Irregular
+    return bool(np.all(truths))
 
 
 def _grouping(name: str) -> Build:
@@ -76,10 +98,11 @@ def _grouping(name: str) -> Build:
     return lambda builder, node, values: {"type": name, **values}
 
 
-def _is_similarity(matrix: Array) -> bool:
-    gram = matrix[:3, :3].T @ matrix[:3, :3]
-    size = np.trace(gram) / 3
-    return bool(np.all(np.abs(gram - size * np.eye(3)) <= 1e-4 * size))
+def _is_similarity(matrix: Array) -> Truths:
+    linear = matrix[..., :3, :3]
+    gram = np.swapaxes(linear, -1, -2) @ linear
+    size = np.trace(gram, axis1=-2, axis2=-1)[..., None, None] / 3
+    return np.all(np.abs(gram - size * np.eye(3)) <= 1e-4 * size, axis=(-2, -1))
 
 
 IN_SHAPES = CHILDREN["shape"]
@@ -101,10 +124,11 @@ PLUGINS = (
         (TO_WORLD,),
         _grouping("instance"),
         ("shape",),
+        in_runs=True,
     ),
     Plugin("shape", "merge", "The shapes inside.", (), _grouping("merge"), ("shape",)),
     Plugin(
-        "shape", "cube", "The cube from (-1, -1, -1) to (1, 1, 1).", (), _cube, IN_SHAPES, "mesh", ("mesh",)
+        "shape", "cube", "The cube from (-1, -1, -1) to (1, 1, 1).", (), _cube, IN_SHAPES, "mesh", ("mesh",), True
     ),
     Plugin(
         "shape",
@@ -114,6 +138,7 @@ PLUGINS = (
         _round_shape("sphere", sphere_arrays),
         IN_SHAPES,
         "sphere",
+        in_runs=True,
     ),
     Plugin(
         "shape",
