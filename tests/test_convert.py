@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from oracle import Setup, default_variant, differences, render_with_lajolla, render_with_mitsuba
 
-from lajolla import _core, cli, image, load
+from lajolla import _core, cli, image, load, whole_files
 from lajolla.catalog import catalog
 from lajolla.scene import SceneError, convert, load_description
 
@@ -148,7 +148,7 @@ def test_old_files_and_new_ones_are_not_mixed(
     def contents() -> dict[str, bytes]:
         return {str(path): path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
 
-    before, replacing, failures = contents(), image.replacing, 0
+    before, replacing, failures = contents(), whole_files.replacing, 0
     while True:
         left = iter(range(failures))
 
@@ -157,7 +157,7 @@ def test_old_files_and_new_ones_are_not_mixed(
                 raise image.ImageError(f"{path}: no space left on the disk")
             return replacing(path)
 
-        monkeypatch.setattr(image, "replacing", failing)
+        monkeypatch.setattr(whole_files, "replacing", failing)
         if cli.main(command) == 0:
             break
         assert contents() == before
