@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from lajolla import _core
@@ -139,6 +139,11 @@ class Plugin:
     model: str = ""  # the core model that it makes, whose fields it shares
     hidden: tuple[str, ...] = ()  # fields of the model that scenes do not set
     in_runs: bool = False  # `build` takes columns of values as well
+
+    @cached_property
+    def by_name(self) -> Mapping[str, Field]:
+        """The fields by their names."""
+        return {field.name: field for field in self.fields}
 
     def with_model(self, schema: Schema) -> Plugin:
         """The same plugin with the fields of its core model before its own, and its doc if it has none."""

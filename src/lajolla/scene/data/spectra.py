@@ -63,18 +63,23 @@ def to_rgb(
 ) -> tuple[float, float, float]:
     """Linear sRGB of any colour; negative values become zero, with a warning."""
     if isinstance(value, Rgb):
-        rgb = np.array(value.values)
+        rgb = value.values
+    elif isinstance(value, Spectrum) and not value.wavelengths:
+        rgb = (value.values[0],) * 3
     elif isinstance(value, Blackbody):
-        rgb = blackbody(value)
-    elif not value.wavelengths:
-        rgb = np.full(3, value.values[0])
+        rgb = tuple(blackbody(value).tolist())
     else:
-        rgb = integrate(np.array(value.wavelengths), np.array(value.values), d65=not emission)
-    if np.any(rgb < 0):
+        spectrum = integrate(np.array(value.wavelengths), np.array(value.values), d65=not emission)
+        rgb = tuple(spectrum.tolist())
+    if min(rgb) < 0:
         shown = ", ".join(f"{v:.4g}" for v in rgb)
         diagnostics.warn(f"the colour ({shown}) has a negative part, which becomes zero", location)
-    red, green, blue = (float(v) for v in np.maximum(rgb, 0.0))
-    return (red, green, blue)
+    red, green, blue = rgb
+    return (_at_least_zero(red), _at_least_zero(green), _at_least_zero(blue))
+
+
+def _at_least_zero(value: float) -> float:
+    return 0.0 if value <= 0 else float(value)  # what is no number stays
 
 
 def read_spd(path: Path, location: Location) -> Spectrum:

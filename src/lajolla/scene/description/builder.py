@@ -54,9 +54,10 @@ class Plugins(Mapping[str, Plugin]):
     made: dict[str, Plugin] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Plugin:
-        if name not in self.made:
-            self.made[name] = self.makers[name]()
-        return self.made[name]
+        known = self.made.get(name)
+        if known is None:
+            self.made[name] = known = self.makers[name]()
+        return known
 
     def __contains__(self, name: object) -> bool:
         return name in self.makers
@@ -166,7 +167,8 @@ class Builder:
 
     def plugin(self, node: Node) -> Plugin | None:
         """The plugin that a node asks for, whatever the case of the name."""
-        return self.table.get(node.kind, {}).get(node.plugin.lower())
+        plugins, name = self.table.get(node.kind, {}), node.plugin.lower()
+        return plugins[name] if name in plugins else None  # noqa: SIM401, get() of a Mapping is slow
 
     def construct(self, node: Node) -> Content:
         """What the node's plugin makes of it, or its substitute; None when the node is left out.
@@ -224,7 +226,7 @@ class Builder:
 
     def values(self, node: Node, plugin: Plugin) -> dict[str, Any]:
         """The node's properties as fields of the plugin; unknown ones are warned about."""
-        fields = {f.name: f for f in plugin.fields}
+        fields = plugin.by_name
         values: dict[str, Any] = {}
         for name, prop in named(node, fields):
             if _is_texture(prop.value) and self.texture(prop.value) is None:
@@ -380,11 +382,15 @@ def named(node: Node, fields: Mapping[str, Field]) -> Iterator[tuple[str, Proper
 
     Phase functions go to the fields of their type, in order, unless they are named as one.
     """
-    given = {prop.name for prop in node.properties}
-    free = [f.name for f in fields.values() if f.type == "phase" and f.name not in given]
+    free: list[str] | None = None
     for prop in node.properties:
-        unnamed = isinstance(prop.value, Node) and prop.value.kind == "phase" and prop.name not in fields
-        yield free.pop(0) if unnamed and free else prop.name, prop
+        if isinstance(prop.value, Node) and prop.value.kind == "phase" and prop.name not in fields:
+            if free is None:
+                given = {prop.name for prop in node.properties}
+                free = [f.name for f in fields.values() if f.type == "phase" and f.name not in given]
+            yield free.pop(0) if free else prop.name, prop
+        else:
+            yield prop.name, prop
 
 
 def _is_texture(value: object) -> TypeGuard[Node]:

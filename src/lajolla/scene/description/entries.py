@@ -14,7 +14,7 @@ Entry = dict[str, Any]
 
 
 class Entries(Sequence[Entry]):
-    """A list of the description. One that is stored with columns of the core is as many as these have rows."""
+    """A list of the description. What is stored with columns of the core is as many as these have rows."""
 
     def __init__(self) -> None:
         self.stored: list[Entry] = []

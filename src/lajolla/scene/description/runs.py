@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..schema import BLACK, HARMLESS, Plugin, Slot
 from ..syntax.errors import Diagnostics, SceneError
-from ..syntax.nodes import Column, Node, Property, below
+from ..syntax.nodes import Array, Column, Node, Property, Rgb, below
 from ..syntax.runs import Irregular
 from .values import convert, convert_column
 
@@ -24,8 +25,8 @@ GroupOf = Callable[["Builder", Node], int]  # the group of the description that 
 def add_run(builder: Builder, node: Node, material: Material, group_of: GroupOf) -> range | None:
     """Adds the shapes of a run to the description, as columns; their indices, none of instances.
 
-    Nothing is added, and the answer is None, where there is something to be told of one of them, or where their
-    plugin takes them one by one only.
+    Nothing is added, and the answer is None, where there is something to be told of one of them, or where
+    their plugin takes them one by one only.
     """
     plugin = builder.plugin(node)
     if plugin is None or not plugin.in_runs:
@@ -77,7 +78,7 @@ def _entry(builder: Builder, node: Node, plugin: Plugin) -> dict[str, Any]:
 
 
 def _values(builder: Builder, node: Node, plugin: Plugin) -> dict[str, Any]:
-    fields = {f.name: f for f in plugin.fields}
+    fields = plugin.by_name
     values: dict[str, Any] = {}
     for prop in node.properties:
         if isinstance(prop.value, Node):
@@ -114,24 +115,65 @@ def _materials(builder: Builder, node: Node, material: Material) -> int | Column
         return Column(np.array([found[member] for member in prop.members], np.int64))  # type: ignore[index]
     if bsdf.run is None:
         return material(builder, node, bsdf)
-    if any(p.members for p in bsdf.properties):
-        raise Irregular
-    if any(isinstance(p.value, Column) for p in bsdf.properties):
-        return _own_materials(builder, bsdf)
+    own = [bsdf, *(inner for inner in below([bsdf]) if inner.run is not None)]
+    properties = [prop for part in own for prop in part.properties]
     for shared in below([bsdf]):  # what there is to tell of these has to do with no run
-        if shared.kind == "bsdf":
+        if shared.kind == "bsdf" and shared.run is None:
             builder.slot(shared)
         elif shared.kind == "texture":
             builder.texture(shared)
+    plugin = builder.plugin(bsdf)
+    if any(prop.members for prop in properties):
+        return _copied_materials(builder, node, bsdf, properties, material)
+    if any(isinstance(prop.value, Column) for prop in properties):
+        if plugin is not None and plugin.in_runs and len(own) == 1:
+            return _own_materials(builder, bsdf, plugin)
+        return _copied_materials(builder, node, bsdf, properties, material)
     with _without_a_word(builder):
         return material(builder, node, bsdf)
 
 
-def _own_materials(builder: Builder, bsdf: Node) -> Column:
+def _copied_materials(
+    builder: Builder, node: Node, bsdf: Node, properties: list[Property], material: Material
+) -> Column:
+    """The materials of shapes that have a bsdf each, of which those that differ are made one by one."""
+    columns = [prop.value.rows for prop in properties if isinstance(prop.value, Column)]
+    columns += [np.array([id(member) for member in p.members], float) for p in properties if p.members]
+    known: dict[bytes, int] = {}
+    indices = []
+    for i, key in enumerate(_row_keys(columns)):
+        if key not in known:
+            with _without_a_word(builder):
+                known[key] = material(builder, node, _copy(bsdf, i))
+        indices.append(known[key])
+    return Column(np.array(indices, np.int64))
+
+
+def _row_keys(columns: list[Array]) -> list[bytes]:
+    """The numbers in each row of some columns."""
+    rows = np.ascontiguousarray(np.concatenate([c.reshape(len(c), -1) for c in columns], axis=1))
+    data, size = rows.tobytes(), rows.strides[0]
+    return [data[at : at + size] for at in range(0, len(data), size)]
+
+
+def _copy(node: Node, index: int) -> Node:
+    """A bsdf of a run as one of its members has it."""
+    properties = []
+    for prop in node.properties:
+        value = prop.value
+        if isinstance(value, Column):
+            row = value.rows[index].tolist()
+            value = row if isinstance(row, float) else Rgb(tuple(row)) if len(row) == 3 else value.rows[index]
+        elif isinstance(value, Node) and value.run is not None:
+            value = _copy(value, index)
+        elif prop.members:
+            value = prop.members[index]
+        properties.append(replace(prop, value=value, members=[]))
+    return replace(node, properties=properties, run=None)
+
+
+def _own_materials(builder: Builder, bsdf: Node, plugin: Plugin) -> Column:
     """The materials of shapes that have a bsdf each, alike but for numbers."""
-    plugin = builder.plugin(bsdf)
-    if plugin is None or not plugin.in_runs:
-        raise Irregular
     entry = _entry(builder, bsdf, plugin)
     columns = {name: value.rows.tolist() for name, value in entry.items() if isinstance(value, Column)}
     with _without_a_word(builder):

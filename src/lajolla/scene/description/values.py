@@ -65,7 +65,8 @@ def convert_column(builder: Builder, owner: Node, prop: Property, field: Field) 
         return column
     number = shape == () and field.type in ("float", "texture_float", "texture_spectrum", "spectrum")
     colour = shape == (3,) and field.type in ("texture_spectrum", "spectrum")
-    if not number and not colour or not np.all((rows >= low) & (rows <= high)):
+    low = max(low, 0.0) if colour else low
+    if not (number or colour) or not np.all((rows >= low) & (rows <= high)):
         raise Irregular
     return Column(np.repeat(rows[:, None], 3, axis=1)) if number and "spectrum" in field.type else column
 

@@ -21,7 +21,7 @@ from ..description.builder import Builder, is_child, named
 from ..description.plugins import colours
 from ..description.plugins.textures import decode, is_alpha
 from ..description.values import constant_or_texture, convert
-from ..formats.images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
+from ..formats.images import FLOAT_RGB, Pixels, read_pixels
 from ..formats.ply import ply_bytes
 from ..schema import Field, Part, Plugin
 from ..syntax.files import MissingFile, file_bytes
@@ -242,9 +242,9 @@ class Translator:
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
         """Packs a bitmap's pixels as linear floating-point numbers; the name of the file."""
         place = node.property_location("filename")
-        pixels = read_pixels(self._file_of(node), place, self.builder.pictures, channel, pixel=FLOAT_RGB)
+        path, pictures = self._file_of(node), self.builder.pictures
+        pixels, encoded = read_pixels(path, place, pictures, channel, pixel=FLOAT_RGB)
         name = f"{self.stem}-files/{len(self.packed)}.exr"
-        encoded = is_integer_file(self._file_of(node))
         linear = decode(pixels, 1.0 if is_alpha(channel) else gamma) if encoded else pixels
         self.packed[name] = np.broadcast_to(linear, (*linear.shape[:2], 3))
         return name

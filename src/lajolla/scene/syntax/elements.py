@@ -124,7 +124,9 @@ class _Done(Exception):
     """An element has ended, and what follows is not asked for."""
 
 
-def _parse(document: Element, first: int, last: int, fold: Callable[[list[Element], int], None] | None) -> None:
+def _parse(
+    document: Element, first: int, last: int, fold: Callable[[list[Element], int], None] | None
+) -> None:
     """Adds what a part of a source holds to an element: one element, with what is in it."""
     source, data = document.source, document.source.data
     base = first  # the byte of the source with which the parser's count begins

@@ -109,8 +109,8 @@ Value: TypeAlias = Union[
 class Property:
     """A named value of a node. `name` is empty for children that are told apart by their kind.
 
-    In a run the value is a `Column` where numbers differ; where references do, it is that of the first member,
-    and `members` has those of all.
+    In a run the value is a `Column` where numbers differ; where references do, it is that of the first
+    member, and `members` has those of all.
     """
 
     name: str
@@ -188,7 +188,8 @@ def below(nodes: Iterable[Node]) -> list[Node]:
     waiting = list(nodes)
     while waiting:
         for prop in waiting.pop().properties:
-            if isinstance(prop.value, Node) and prop.value not in found:
-                found[prop.value] = None
-                waiting.append(prop.value)
+            for value in (prop.value, *prop.members):
+                if isinstance(value, Node) and value not in found:
+                    found[value] = None
+                    waiting.append(value)
     return list(found)

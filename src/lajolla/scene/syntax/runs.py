@@ -86,7 +86,9 @@ def add_to_run(siblings: list[Element], end: int) -> None:
     if not _alike(first, last, found):
         return
     data = first.source.data
-    if data.find(b"$", last.start, end) >= 0 or (first.run is None and data.find(b"$", first.start, end) >= 0):
+    if data.find(b"$", last.start, end) >= 0 or (
+        first.run is None and data.find(b"$", first.start, end) >= 0
+    ):
         return
     stop = data.find(b">", end) + 1 or len(data)
     if first.run is None:
@@ -117,7 +119,7 @@ def extend_run(first: Element, end: int) -> int:
     places = [(name.offset, mine, name.attribute) for mine, name in _values(first, run.last)]
     places.sort(key=lambda place: place[0])
     pattern, at = re.escape(gap) + b"()", run.last.start
-    for offset, mine, name in places:
+    for offset, _, _ in places:
         stop = data.index(data[offset - 1], offset)
         pattern += re.escape(data[at:offset]) + VALUE
         at = stop
@@ -139,7 +141,7 @@ def extend_run(first: Element, end: int) -> int:
 
 
 def _values(first: Element, last: Element) -> Iterator[tuple[Element, Location]]:
-    """The attributes that may differ, in elements of the first of a run, with their places in its last one."""
+    """The attributes that may differ: elements of the first of a run, with the places in its last one."""
     for name in last.attributes:
         if name in COLUMNS[last.tag]:
             yield first, last.at(name)

@@ -86,10 +86,7 @@ def _add_run(element: Element, parent: Node, tree: Tree) -> bool:
             _add(element, own, set(), alone, quiet)
     except (SceneError, Irregular):
         return False
-    node = alone.nodes[0]
-    inside = [child for _, child in node.children(*KINDS)]
-    plain = len(alone.nodes) == 1 + len(inside) and all(child.kind == "bsdf" for child in inside)
-    if quiet.collected or not plain:
+    if quiet.collected or any(inside.kind != "bsdf" for inside in alone.nodes[1:]):
         return False
     for one in alone.nodes:
         one.run = element.run

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...formats.images import FLOAT_RGB, is_integer_file, read_pixels
+from ...formats.images import FLOAT_RGB, read_pixels
 from ...schema import Field, Plugin
+from ...syntax.files import identity
 from ...syntax.nodes import Node
 from .lenses import LENS, field_of_view, width_per_axis
 from .textures import decode
@@ -20,10 +21,10 @@ if TYPE_CHECKING:
 def _envmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     values.pop("filename", None)
     path, location = builder.find(node)
-    key = ("envmap", path.resolve())
+    key = ("envmap", identity(path))
     if key not in builder.files:
-        pixels = read_pixels(path, location, builder.pictures, pixel=FLOAT_RGB)
-        pixels = decode(pixels) if is_integer_file(path) else pixels.astype(np.float32)
+        pixels, is_integer = read_pixels(path, location, builder.pictures, pixel=FLOAT_RGB)
+        pixels = decode(pixels) if is_integer else pixels.astype(np.float32)
         if not np.all(np.isfinite(pixels)) or np.any(pixels < 0):
             builder.diagnostics.warn(
                 f'"{path.name}" has pixels that are negative or not finite; they are black', location

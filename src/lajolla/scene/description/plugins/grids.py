@@ -8,7 +8,7 @@ import numpy as np
 
 from lajolla.colour import luminance
 
-from ...formats.images import is_integer_file, read_pixels
+from ...formats.images import read_pixels
 from ...schema import CHILDREN, Field, Plugin
 from ...syntax.errors import SceneError
 from ...syntax.nodes import Array, Node
@@ -45,8 +45,8 @@ def _heightfield(builder: Builder, node: Node, values: dict[str, Any]) -> dict[s
 def _heights(builder: Builder, owner: Node) -> Array:
     path, location = builder.find(owner)
     raw = owner.find("raw")
-    pixels = read_pixels(path, location, builder.pictures, pixel=CELL)
-    if is_integer_file(path) and not (raw and raw.value is True):
+    pixels, is_integer = read_pixels(path, location, builder.pictures, pixel=CELL)
+    if is_integer and not (raw and raw.value is True):
         pixels = decode(pixels)
     elif pixels.dtype == np.uint8:
         pixels = pixels / 255

@@ -12,6 +12,7 @@ from ...data.spectra import integrate
 from ...formats.tensors import TensorError, read_tensors
 from ...schema import Field, Plugin
 from ...syntax.errors import SceneError
+from ...syntax.files import identity
 from ...syntax.nodes import Node
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ MOST_WAVELENGTHS = 1024  # the RGL measures 195
 def _measured(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     values.pop("filename", None)
     path, location = builder.find(node)
-    key = ("measured", path.resolve())
+    key = ("measured", identity(path))
     if key not in builder.files:
         try:
             builder.files[key] = builder.core.Measurement(**measurement(read_tensors(path)))

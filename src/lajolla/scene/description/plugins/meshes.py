@@ -11,6 +11,7 @@ import numpy as np
 from ...formats.mtl import materials_of
 from ...schema import CHILDREN, Content, Field, Part, Plugin
 from ...syntax.errors import Location, SceneError
+from ...syntax.files import identity
 from ...syntax.nodes import Array, Node
 from ...versions.upgrade import snake_case
 
@@ -30,7 +31,7 @@ def _file_shape(loader: str) -> Callable[[Builder, Node, Entry], Entry | list[Pa
         options = {k: values.pop(k) for k in LOADING if k in values}
         options.setdefault("flip_tex_coords", loader == "load_obj")
         path, location = builder.find(node)
-        key = (loader, path.resolve(), *sorted(options.items()))
+        key = (loader, identity(path), *sorted(options.items()))
         mesh = _cached(builder, key, lambda: _load(builder, loader, path, options, location))
         if mesh.face_normals:
             values["face_normals"] = True
@@ -101,7 +102,7 @@ def _parts(
     if load_materials and all(name for name, _ in bsdfs):
         location = node.property_location("filename")
         names = list(mesh.material_libraries)
-        key = ("materials", path.resolve(), *names)
+        key = ("materials", identity(path), *names)
         library = _cached(builder, key, lambda: materials_of(names, path, location, builder.diagnostics))
     parts = [(first, count, _bsdf_of(name, bsdfs, library)) for name, first, count in mesh.groups]
     own = {bsdf for _, bsdf in bsdfs}

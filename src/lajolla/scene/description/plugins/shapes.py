@@ -128,7 +128,15 @@ PLUGINS = (
     ),
     Plugin("shape", "merge", "The shapes inside.", (), _grouping("merge"), ("shape",)),
     Plugin(
-        "shape", "cube", "The cube from (-1, -1, -1) to (1, 1, 1).", (), _cube, IN_SHAPES, "mesh", ("mesh",), True
+        "shape",
+        "cube",
+        "The cube from (-1, -1, -1) to (1, 1, 1).",
+        (),
+        _cube,
+        IN_SHAPES,
+        "mesh",
+        ("mesh",),
+        True,
     ),
     Plugin(
         "shape",

@@ -8,9 +8,10 @@ import numpy as np
 
 from lajolla.colour import decode_srgb
 
-from ...formats.images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
+from ...formats.images import FLOAT_RGB, Pixels, read_pixels
 from ...schema import Content, Field, Plugin
 from ...syntax.errors import SceneError
+from ...syntax.files import identity
 from ...syntax.nodes import Node
 from ..values import convert
 
@@ -28,12 +29,12 @@ def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
         image = _image(builder, pixels, gamma, encoded=encoded and is_integer)
     else:
         path, location = builder.find(node)
-        key = ("texture", path.resolve(), raw, gamma, channel)
+        key = ("texture", identity(path), raw, gamma, channel)
         if key not in builder.files:
             builder.reading(path, location)
             decoded = FLOAT_RGB if gamma > 0 and gamma != 1 else 0
-            pixels = read_pixels(path, location, builder.pictures, channel, pixel=decoded)
-            builder.files[key] = _image(builder, pixels, gamma, encoded=encoded and is_integer_file(path))
+            pixels, is_integer = read_pixels(path, location, builder.pictures, channel, pixel=decoded)
+            builder.files[key] = _image(builder, pixels, gamma, encoded=encoded and is_integer)
         image = builder.files[key]
     return {"type": "bitmap", "image": image, **values}
 

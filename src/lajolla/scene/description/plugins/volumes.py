@@ -12,6 +12,7 @@ from ...formats.volumes import read_voxels
 from ...formats.voxels import VoxelError, Voxels, box_transform
 from ...schema import Content, Field, Plugin
 from ...syntax.errors import Location, SceneError
+from ...syntax.files import identity
 from ...syntax.nodes import Array, Blackbody, Node
 from ..values import convert
 
@@ -67,7 +68,7 @@ def load_voxels(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[V
         return Voxels(_from_array(node, arrays[0]), np.eye(4)), node.location
     values.pop("filename", None)
     path, location = builder.find(node)
-    key = ("volume", path.resolve(), grid_name)
+    key = ("volume", identity(path), grid_name)
     if key not in builder.files:
         builder.reading(path, location)
         try:
