@@ -71,7 +71,7 @@ def _run_command(arguments: argparse.Namespace) -> int:
         sys.stdout.flush()
         return code
     except lajolla.SceneError as error:
-        print(error, file=sys.stderr)
+        tell(error)
     except refusals as error:
         say(f"error: {error}")
     return 1
@@ -88,6 +88,7 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
         size=arguments.size,
         crop=arguments.crop,
         seed=arguments.seed,
+        sampler=arguments.sampler,
         integrator=arguments.integrator,
         max_depth=arguments.max_depth,
         sensor=arguments.sensor,

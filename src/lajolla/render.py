@@ -47,6 +47,7 @@ class Options:
     size: tuple[int, int] | None = None  # width, height in pixels; drops the scene's crop window
     crop: tuple[int, int, int, int] | None = None  # x, y, width, height in pixels
     seed: int | None = None
+    sampler: str | None = None  # "independent" or "sobol", which is also what every sampler of a scene means
     integrator: str | None = None  # keeps the parameters in the scene that the new one has too
     max_depth: int | None = None  # -1: unlimited, 1: emitters alone, 2: direct light
     sensor: int | str | None = None  # which one of several, by its number from 0 or its id
@@ -60,13 +61,15 @@ class Options:
         _check_window("crop", self.crop, (0, 0, 1, 1), MAX_SIZE)
         if self.sensor is not None and not isinstance(self.sensor, str):
             _check_range("sensor", self.sensor, 0, MAX_INTEGER)
-        if self.integrator is None:
-            return
-        integrators = [plugin.name for plugin in plugins_by_kind()["integrator"].values()]
-        if self.integrator not in integrators:
-            raise OptionError(
-                f"there is no integrator {self.integrator!r}{suggestion(str(self.integrator), integrators)}"
-            )
+        _check_name("sampler", self.sampler, lambda: list(core_schema()["sampler"]))
+        _check_name(
+            "integrator", self.integrator, lambda: [p.name for p in plugins_by_kind()["integrator"].values()]
+        )
+
+
+def _check_name(kind: str, name: str | None, known: Callable[[], list[str]]) -> None:
+    if name is not None and name not in known():
+        raise OptionError(f"there is no {kind} {name!r}{suggestion(str(name), known())}")
 
 
 def _check_range(name: str, value: int | None, lowest: int, highest: int) -> None:
@@ -94,7 +97,9 @@ def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
     Another integrator or sensor is not among them: they are chosen when the scene is read.
     """
     result = dict(core)
-    result["sampler"] = _with(core["sampler"], sample_count=options.spp, seed=options.seed)
+    result["sampler"] = _with(
+        core["sampler"], type=options.sampler, sample_count=options.spp, seed=options.seed
+    )
     film = dict(core["film"])
     if options.size is not None:
         film = {key: value for key, value in film.items() if not key.startswith("crop_")}
@@ -106,7 +111,7 @@ def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
     return result
 
 
-def _with(entry: Mapping[str, Any], **values: int | None) -> dict[str, Any]:
+def _with(entry: Mapping[str, Any], **values: object) -> dict[str, Any]:
     return {**entry, **{key: value for key, value in values.items() if value is not None}}
 
 
