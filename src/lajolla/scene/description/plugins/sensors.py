@@ -47,8 +47,8 @@ def _sobol(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, An
     return {"type": "sobol", "sample_count": 4, **kept}
 
 
-# How Mitsuba's samplers arrange their points. Here all of them mean the arrangement with the least noise: most
-# scenes name `independent` because it is Mitsuba's default. The option `sampler` chooses for certain.
+# How Mitsuba's samplers arrange their points. Here all of them mean the arrangement with the least noise:
+# most scenes name `independent` because it is Mitsuba's default. The option `sampler` chooses for certain.
 SAME = "no difference: points are those of sobol"
 POINTS = {
     "jitter": Field("jitter", "boolean", SAME, True),
