@@ -19,34 +19,40 @@ if TYPE_CHECKING:
 
     from lajolla import _core as _core
     from lajolla import catalog as catalog
+    from lajolla import completion as completion
     from lajolla import film as film
     from lajolla import image as image
     from lajolla import render as render
+    from lajolla import report as report
     from lajolla import scene as scene
     from lajolla import survey as survey
     from lajolla.image import Image, ImageError, ImageWarning
+    from lajolla.messages import LajollaWarning
     from lajolla.render import OptionError, Progress, Rendering, Scene, load, load_dict
-    from lajolla.scene import SceneError
+    from lajolla.scene import SceneError, SceneWarning
 
 __all__ = [
     "Image",
     "ImageError",
     "ImageWarning",
+    "LajollaWarning",
     "OptionError",
     "Progress",
     "Rendering",
     "Scene",
     "SceneError",
+    "SceneWarning",
     "load",
     "load_dict",
 ]
 
 # Modules and names are imported when they are first used: `lajolla --help` does without NumPy and the core.
-_MODULES = ("_core", "catalog", "film", "image", "render", "scene", "survey")
+_MODULES = ("_core", "catalog", "completion", "film", "image", "render", "report", "scene", "survey")
 _HOMES = {
     **dict.fromkeys(("Image", "ImageError", "ImageWarning"), "image"),
     **dict.fromkeys(("OptionError", "Progress", "Rendering", "Scene", "load", "load_dict"), "render"),
-    "SceneError": "scene",
+    **dict.fromkeys(("SceneError", "SceneWarning"), "scene"),
+    "LajollaWarning": "messages",
 }
 
 with suppress(processor.LevelError):  # who asks for the core is told, not who asks for help

@@ -55,8 +55,8 @@ examples:
   lajolla list bsdf roughconductor          parameters, ranges, defaults, units""",
     "completion": """\
 examples:
-  source <(lajolla completion bash)         in ~/.bashrc
-  lajolla completion zsh > ~/.zfunc/_lajolla              a folder of $fpath
+  lajolla completion bash > ~/.local/share/bash-completion/completions/lajolla
+  lajolla completion zsh > ~/.zfunc/_lajolla          a folder that $fpath has
   lajolla completion fish > ~/.config/fish/completions/lajolla.fish""",
 }
 
@@ -136,7 +136,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
         epilog=GENERAL,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action=Version, nargs=0, help="show the version and exit")
+    parser.add_argument("-V", "--version", action=Version, nargs=0, help="show the version and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     adders: dict[str, tuple[str, Callable[[Parser], None]]] = {
         "render": ("render a scene", _add_render),
@@ -167,6 +167,7 @@ def _add_file(parser: Parser) -> argparse._ArgumentGroup:
         metavar="SCENE",
         help="Mitsuba scene file (XML); - reads standard input, with files relative to the working folder",
     )
+    parser.set_defaults(standard_input=None)
     group = parser.add_argument_group("scene")
     group.add_argument(
         "-D",

@@ -1,4 +1,4 @@
-"""The command line: `lajolla render`, `check`, `convert`, `compare` and `list`.
+"""The command line: `lajolla render`, `check`, `convert`, `compare`, `list` and `completion`.
 
 Results go to standard output, everything else to standard error. Every error of the user's is one message and
 exit code 1; an interrupted command ends with 128 + the signal's number, as in a shell.
@@ -7,6 +7,7 @@ exit code 1; an interrupted command ends with 128 + the signal's number, as in a
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import os
 import resource
@@ -17,11 +18,11 @@ from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO, TextIO
 
 import lajolla  # its modules are loaded when they are first used, which no --help does
 from lajolla.arguments import STREAMS, UsageError, for_each_sensor, parse, replay_command
-from lajolla.display import discard, progress_display, rate, safe_messages, say, size_in_memory
+from lajolla.display import coloured, discard, progress_display, rate, safe_messages, say, tell
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
 
@@ -78,21 +79,34 @@ def _run_command(arguments: argparse.Namespace) -> int:
 
 
 def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Scene:
-    """Opens the scene of a command line, or another one with its options."""
-    return lajolla.load(
-        path or arguments.scene,
-        parameters=dict(arguments.parameters),
-        strict=arguments.strict,
-        two_sided=arguments.two_sided,
-        spp=arguments.spp,
-        size=arguments.size,
-        crop=arguments.crop,
-        seed=arguments.seed,
-        sampler=arguments.sampler,
-        integrator=arguments.integrator,
-        max_depth=arguments.max_depth,
-        sensor=arguments.sensor,
-    )
+    """Opens the scene of a command line, or another one with its options; tells no warnings."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", lajolla.LajollaWarning)
+        return lajolla.load(
+            path or _scene(arguments),
+            parameters=dict(arguments.parameters),
+            strict=arguments.strict,
+            two_sided=arguments.two_sided,
+            spp=arguments.spp,
+            size=arguments.size,
+            crop=arguments.crop,
+            seed=arguments.seed,
+            sampler=arguments.sampler,
+            integrator=arguments.integrator,
+            max_depth=arguments.max_depth,
+            sensor=arguments.sensor,
+        )
+
+
+def _scene(arguments: argparse.Namespace) -> Path | BinaryIO:
+    """The scene's file, or what standard input has told, which can be read once only."""
+    if str(arguments.scene) != "-":
+        return arguments.scene
+    if arguments.standard_input is None:
+        arguments.standard_input = sys.stdin.buffer.read()
+    stream = io.BytesIO(arguments.standard_input)
+    stream.name = "<stdin>"  # for messages
+    return stream
 
 
 # --- render -------------------------------------------------------------------------------------------------
@@ -106,7 +120,7 @@ def command_render(arguments: argparse.Namespace) -> int:
         _check_outputs(arguments)
     scene = load(arguments)
     for warning in scene.warnings:
-        print(warning, file=sys.stderr)
+        tell(warning)
     if arguments.pixel is not None:
         print(*scene.radiance(*arguments.pixel, arguments.sample))
         return 0
@@ -162,7 +176,7 @@ def _save(
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
     """Renders what can be rendered, until an interrupt; an error names its sensor."""
-    names = lajolla.scene.sensor_names(arguments.scene, parameters=dict(arguments.parameters))
+    names = lajolla.scene.sensor_names(_scene(arguments), parameters=dict(arguments.parameters))
     commands = for_each_sensor(arguments, names)
     for command in commands:
         _check_outputs(command)
@@ -256,10 +270,10 @@ def command_convert(arguments: argparse.Namespace) -> int:
     lajolla.image.check_folder(target)
     parameters = dict(arguments.parameters)
     result = lajolla.scene.convert(
-        arguments.scene, target, parameters=parameters, strict=arguments.strict, pack=arguments.pack
+        _scene(arguments), target, parameters=parameters, strict=arguments.strict, pack=arguments.pack
     )
     for warning in result.warnings:
-        print(warning, file=sys.stderr)
+        tell(warning)
     patience = Patience("the scene")
     with handled_by(patience):
         patience.save(_write_export, target, result)
@@ -292,17 +306,22 @@ def _write_export(target: Path, result: lajolla.scene.Export) -> None:
 def command_check(arguments: argparse.Namespace) -> int:
     if arguments.all:
         return _check_all(arguments)
-    scene = load(arguments)
-    summary = dict(scene.core.summary())
-    facts = {"picture": f"{scene.width} x {scene.height}, {scene.core.sample_count} samples per pixel"}
-    if "bytes" in summary:
-        facts["memory"] = size_in_memory(summary.pop("bytes"))
-    facts = {**{name: f"{value:,}" for name, value in summary.items()}, **facts}
-    width = max(len(name) for name in facts)
-    for name, value in facts.items():
+    try:
+        scene = load(arguments)
+    except (lajolla.SceneError, lajolla.OptionError) as problem:
+        if arguments.json:
+            print(lajolla.report.as_text(lajolla.report.refused(arguments.scene, problem)))
+        raise
+    facts = lajolla.report.scene_facts(arguments.scene, scene)
+    if arguments.json:
+        print(lajolla.report.as_text(facts))
+        return 0
+    lines = dict(lajolla.report.scene_lines(facts))
+    width = max(len(name) for name in ("warnings", *lines))
+    for name, value in lines.items():
         print(f"{name:{width}}  {value}")
     for warning in scene.warnings:
-        print(warning)
+        print(coloured(str(warning), sys.stdout))
     print(f"{'warnings':{width}}  {len(scene.warnings)}")
     return 0
 
@@ -311,8 +330,11 @@ def _check_all(arguments: argparse.Namespace) -> int:
     if not arguments.scene.is_dir():
         raise UsageError(f"{arguments.scene} is no folder; --all opens every scene below a folder")
     findings = lajolla.survey.survey(arguments.scene, lambda path: load(arguments, path))
-    for line in lajolla.survey.table(arguments.scene, findings):
-        print(line)
+    if arguments.json:
+        print(lajolla.report.as_text(lajolla.report.folder_facts(arguments.scene, findings)))
+    else:
+        for line in lajolla.survey.table(arguments.scene, findings):
+            print(line)
     return 1 if any(finding.error for finding in findings) else 0
 
 
@@ -322,16 +344,14 @@ def command_compare(arguments: argparse.Namespace) -> int:
         if arguments.diff.suffix.lower() not in lajolla.image.LOW_RANGE:
             raise lajolla.image.ImageError(f"{arguments.diff}: the difference picture is a PNG or JPEG")
     a, b = lajolla.image.read(arguments.a), lajolla.image.read(arguments.b)
-    result = lajolla.image.compare(a, b)
-    print(f"{'':12}  {'red':>12}  {'green':>12}  {'blue':>12}")
-    for name, values in (
-        ("mean ratio", result.mean_ratio),
-        ("RMSE", result.rmse),
-        ("relative MSE", result.relative_mse),
-    ):
-        print(f"{name:12}  " + "  ".join(f"{value:12.6g}" for value in values))
-    if result.excluded:
-        say(f"warning: {result.excluded} pixels are not finite and were left out")
+    facts = lajolla.report.comparison_facts(arguments.a, arguments.b, lajolla.image.compare(a, b))
+    if arguments.json:
+        print(lajolla.report.as_text(facts))
+    else:
+        for line in lajolla.report.comparison_lines(facts):
+            print(line)
+    if facts["excluded_pixels"]:
+        say(f"warning: {facts['excluded_pixels']} pixels are not finite and were left out")
     if arguments.diff is not None:
         lajolla.image.write_encoded(arguments.diff, lajolla.image.difference_picture(a, b))
     return 0
@@ -343,10 +363,16 @@ def command_list(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def command_completion(arguments: argparse.Namespace) -> int:
+    print(lajolla.completion.script(arguments.shell))
+    return 0
+
+
 COMMANDS = {
     "render": command_render,
     "check": command_check,
     "convert": command_convert,
     "compare": command_compare,
     "list": command_list,
+    "completion": command_completion,
 }

@@ -83,7 +83,7 @@ def tell(message: object) -> None:
     print(coloured(str(message), sys.stderr), file=sys.stderr, flush=True)
 
 
-# The severity is a word of its own, after the place or the program's name; the caret has a last line of its own.
+# The severity is a word after the place or the program's name; the caret stands on the last line.
 SEVERITY = re.compile(r"(?:^|(?<=: ))(error|warning): ")
 CARET = re.compile(r"\^$")
 COLOURS = {"error": "1;31", "warning": "1;33"}  # red and yellow, both bold

@@ -6,7 +6,6 @@ import platform
 import secrets
 import shutil
 import tempfile
-import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, RGB_TO_XYZ, Film, FloatImage, matrix_text
+from lajolla.messages import LajollaWarning, warn
 from lajolla.picture_files import PictureError, channel_names, opened, plain_name, reason
 
 HIGH_RANGE = (".exr", ".hdr", ".pfm")
@@ -38,7 +38,7 @@ class ImageError(Exception):
     """A picture that cannot be read, written or compared; the message names the file and the reason."""
 
 
-class ImageWarning(UserWarning):
+class ImageWarning(LajollaWarning):
     """A picture that is not written as it is; the message names the file and the reason."""
 
 
@@ -278,7 +278,7 @@ def _clamped(path: Path, linear: FloatImage, low: float, high: float) -> FloatIm
     count = np.count_nonzero((linear < low) | (linear > high))
     if count:
         message = f"{path}: {count} value{'s' if count > 1 else ''} outside of {low:g} to {high:g} clamped"
-        warnings.warn(message, ImageWarning, stacklevel=4)
+        warn(ImageWarning(message))
     return np.clip(linear, low, high)
 
 

@@ -1,4 +1,4 @@
-"""What users of the package are told: warnings, which Python's `warnings` shows or filters, and wrong options."""
+"""What users of the package are told: warnings, by way of Python's `warnings`, and wrong options."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 class LajollaWarning(UserWarning):
-    """Something that is not done as it was asked for; `warnings.simplefilter` can ignore it or make it an error."""
+    """Something that is not done as it was asked for; Python's `warnings` shows it or filters it."""
 
 
 def warn(warning: LajollaWarning) -> None:

@@ -1,6 +1,5 @@
 """Scenes from files or dicts, and the progressive driver that turns them into pictures."""
 
-import difflib
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,9 +14,12 @@ from numpy.typing import NDArray
 from lajolla import _core
 from lajolla.film import Film
 from lajolla.image import Image
+from lajolla.messages import names_checked, suggestion, warn
 from lajolla.scene import (
     Description,
+    SceneFile,
     SceneWarning,
+    UnknownParameter,
     core_schema,
     describe,
     load_description,
@@ -132,12 +134,6 @@ def _integrator(entry: Mapping[str, Any], options: Options) -> dict[str, Any]:
     return _with(entry, max_depth=options.max_depth)
 
 
-def suggestion(name: str, known: Mapping[str, Any] | list[str]) -> str:
-    """'; did you mean ...?' or the list of what there is."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else f"; there is {', '.join(known)}"
-
-
 @dataclass(frozen=True)
 class Progress:
     """How far a rendering is."""
@@ -227,6 +223,10 @@ class Scene:
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
 
+    def __repr__(self) -> str:
+        samples = self.core.sample_count
+        return f"<lajolla.Scene, {self.width} x {self.height} pixels, {samples} samples per pixel>"
+
     @property
     def width(self) -> int:
         """Of the picture, in pixels."""
@@ -237,6 +237,7 @@ class Scene:
         """Of the picture, in pixels."""
         return self.core.height
 
+    @names_checked
     def rendering(
         self, *, spp: int | None = None, seed: int | None = None, threads: int | None = None
     ) -> Rendering:
@@ -249,6 +250,7 @@ class Scene:
         _check_range("threads", threads, 1, MAX_THREADS)
         return Rendering(self.core, spp=spp, seed=seed, threads=threads, film=self.film)
 
+    @names_checked
     def render(
         self,
         *,
@@ -269,6 +271,7 @@ class Scene:
         rendering.run(observe)
         return rendering.image()
 
+    @names_checked
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
         """What one sample of pixel (x, y) adds, or the mean of all samples: three numbers, float64.
 
@@ -297,7 +300,7 @@ def available_threads() -> int:
 
 
 def load(
-    path: str | os.PathLike[str],
+    path: SceneFile,
     *,
     strict: bool = False,
     two_sided: bool = False,
@@ -306,30 +309,43 @@ def load(
 ) -> Scene:
     """Opens a Mitsuba scene file.
 
+    Python's `warnings` tell what is not rendered as written, each as a SceneWarning; the scene keeps them.
+
     Args:
-        path: the XML file.
+        path: the XML file, or a binary file object to read it from. Other files are beside it; where it has no
+            name, in the current folder.
         strict: makes unknown plugins and properties errors.
         two_sided: lets opaque surfaces reflect on both sides.
         parameters: values of the file's `$name` parameters.
-        options: the fields of `Options` (spp, size, crop, seed, integrator, max_depth, sensor); any other
-            name is a parameter.
+        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor); any
+            other name is a parameter that the file must have.
 
     Raises:
         SceneError: something is wrong with the scene; the message tells where.
         OptionError: an option does not fit the scene.
+        TypeError: there is no such option or parameter.
     """
     own, extra = _split_options(options)
     texts = {name: _as_text(value) for name, value in {**extra, **(parameters or {})}.items()}
     start = time.perf_counter()
-    description = load_description(
-        Path(path),
-        parameters=texts,
-        strict=strict,
-        two_sided=two_sided,
-        integrator=own.integrator,
-        sensor=own.sensor,
-    )
-    return Scene(description, own, time.perf_counter() - start)
+    try:
+        description = load_description(
+            path,
+            parameters=texts,
+            required_names=extra,
+            strict=strict,
+            two_sided=two_sided,
+            integrator=own.integrator,
+            sensor=own.sensor,
+        )
+    except UnknownParameter as problem:
+        hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", *vars(own), *problem.known])
+        what = f"load() has no option {problem.name!r}, nor has the scene such a parameter"
+        raise TypeError(what + hint) from None
+    return _told(Scene(description, own, time.perf_counter() - start))
+
+
+LOAD_OPTIONS = ("strict", "two_sided")
 
 
 def load_dict(
@@ -345,9 +361,9 @@ def load_dict(
     Relative file names in it belong to `base_path`, or else to the current folder.
     """
     own, unknown = _split_options(options)
-    if unknown:
-        name = next(iter(unknown))
-        raise TypeError(f"load_dict() has no option {name!r}{suggestion(name, vars(own))}")
+    for name in unknown:
+        hint = suggestion(name, [*LOAD_OPTIONS, "base_path", *vars(own)])
+        raise TypeError(f"load_dict() has no option {name!r}{hint}")
     start = time.perf_counter()
     folder = None if base_path is None else Path(base_path)
     description = describe(
@@ -358,7 +374,13 @@ def load_dict(
         integrator=own.integrator,
         sensor=own.sensor,
     )
-    return Scene(description, own, time.perf_counter() - start)
+    return _told(Scene(description, own, time.perf_counter() - start))
+
+
+def _told(scene: Scene) -> Scene:
+    for warning in scene.warnings:
+        warn(warning)
+    return scene
 
 
 def _split_options(options: Mapping[str, Any]) -> tuple[Options, dict[str, Any]]:
