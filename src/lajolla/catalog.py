@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from lajolla.messages import suggestion
-from lajolla.render import OptionError
+from lajolla.options import OptionError
 from lajolla.scene import core_schema, plugins
 
 Catalog = dict[str, dict[str, Mapping[str, Any]]]

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from lajolla.comparison import Comparison
 from lajolla.display import size_in_memory
-from lajolla.image import Comparison
-from lajolla.render import Scene
+from lajolla.loading import Scene
 from lajolla.scene import SceneError, SceneWarning
 from lajolla.survey import Finding
 
