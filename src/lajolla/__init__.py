@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from lajolla import completion as completion
     from lajolla import film as film
     from lajolla import image as image
+    from lajolla import outputs as outputs
+    from lajolla import picture_formats as picture_formats
     from lajolla import render as render
     from lajolla import report as report
     from lajolla import scene as scene
@@ -55,7 +57,8 @@ __all__ = [
 
 # Modules and names are imported when they are first used: `lajolla --help` does without NumPy and the core.
 _MODULES = tuple(
-    "_core catalog comparison completion film image render report scene survey whole_files".split()
+    "_core catalog comparison completion film image outputs picture_formats render report scene survey "
+    "whole_files".split()
 )
 _HOMES = {
     "Image": "image",

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 import lajolla
 
-STREAMS = {"/dev/stdout": "stdout", "/dev/stderr": "stderr"}
+STREAMS = {"-": "stdout", "/dev/stdout": "stdout", "/dev/stderr": "stderr"}
 ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .m"
 
 GENERAL = """\
@@ -112,6 +112,11 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
         parser.error("--sample needs --pixel")
     if arguments.all_sensors and (arguments.sensor is not None or arguments.pixel is not None):
         parser.error("--all-sensors goes with neither --sensor nor --pixel")
+    outputs = [str(path) for path in arguments.outputs or []]
+    if str(arguments.scene) == "-" and not outputs and arguments.pixel is None:
+        parser.error("a scene from standard input has no name for its picture: name it with -o")
+    if "-" in outputs and STREAMS.get(str(arguments.stats)) == "stdout":
+        parser.error("the picture and --stats cannot both go to standard output")
 
 
 def _refuse_command(word: str, commands: list[str]) -> NoReturn:
@@ -240,7 +245,9 @@ def _add_render(parser: Parser) -> None:
     group = parser.add_argument_group("run")
     group.add_argument("--threads", type=_positive, metavar="N", help="number of threads (default: all)")
     group.add_argument("--quiet", action="store_true", help="print warnings and errors only")
-    group.add_argument("--stats", type=Path, metavar="FILE", help="write times and counts as JSON")
+    group.add_argument(
+        "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
+    )
     group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
     group.add_argument("--sample", type=_natural, metavar="N", help="with --pixel: of this sample alone")
 
@@ -348,13 +355,17 @@ def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list
 
 def _refuse_devices(arguments: argparse.Namespace, count: int) -> None:
     """They have room for one picture, and pipes for one file of any kind."""
-    found = [path for path in arguments.outputs or [] if lajolla.whole_files.is_device(path)]
+    found = [
+        path
+        for path in arguments.outputs or []
+        if str(path) in STREAMS or lajolla.whole_files.is_device(path)
+    ]
     stats = arguments.stats
     if stats is not None and str(stats) not in STREAMS and stats.is_fifo():
         found.append(stats)
     if found:
-        what = f"{found[0]} is a pipe or a device"
-        raise UsageError(f"{what}; --all-sensors writes a file for each of {count} sensors")
+        what = "standard output" if str(found[0]) == "-" else str(found[0])
+        raise UsageError(f"{what} takes one file; --all-sensors writes a file for each of {count} sensors")
 
 
 def _for_sensor(arguments: argparse.Namespace, number: int | None, suffix: str) -> argparse.Namespace:

@@ -8,20 +8,17 @@ from __future__ import annotations
 
 import argparse
 import io
-import json
 import os
-import resource
 import sys
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, TextIO
+from typing import BinaryIO
 
 import lajolla  # its modules are loaded when they are first used, which no --help does
-from lajolla.arguments import STREAMS, UsageError, for_each_sensor, parse, replay_command
+from lajolla.arguments import UsageError, for_each_sensor, parse, replay_command
 from lajolla.display import coloured, discard, progress_display, rate, safe_messages, say, tell
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
@@ -115,24 +112,21 @@ def _scene(arguments: argparse.Namespace) -> Path | BinaryIO:
 def command_render(arguments: argparse.Namespace) -> int:
     if arguments.all_sensors:
         return _render_each_sensor(arguments)
-    outputs = list(dict.fromkeys(arguments.outputs or []))
     if arguments.pixel is None:
-        _check_outputs(arguments)
+        lajolla.outputs.check(arguments)
     scene = load(arguments)
     for warning in scene.warnings:
         tell(warning)
     if arguments.pixel is not None:
         print(*scene.radiance(*arguments.pixel, arguments.sample))
         return 0
-    outputs = outputs or [
-        Path(arguments.scene.stem + arguments.suffix + ending) for ending in scene.film.endings
-    ]
+    outputs = lajolla.outputs.outputs_of(arguments, scene.film)
     for output in outputs:
-        lajolla.image.check_output(output)
-        lajolla.image.check_space(output, scene.width, scene.height, 3 + len(scene.core.channels))
-    holding = lajolla.image.HOLD_CHANNELS
-    if scene.core.channels and not any(output.suffix.lower() in holding for output in outputs):
-        say(f"warning: only {' and '.join(holding)} files hold all channels of this scene")
+        output.check()
+        output.check_space(scene)
+    if scene.core.channels and not any(output.holds_channels for output in outputs):
+        holding = " and ".join(lajolla.picture_formats.HOLD_CHANNELS)
+        say(f"warning: only {holding} files hold all channels of this scene")
     rendering = scene.rendering(threads=arguments.threads)
     patience = Patience("the picture")
     with handled_by(patience):
@@ -153,25 +147,18 @@ def command_render(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _check_outputs(arguments: argparse.Namespace) -> None:
-    """What would fail after hours of rendering fails now."""
-    for output in arguments.outputs or []:
-        lajolla.image.check_output(output)
-    if arguments.stats is not None and str(arguments.stats) not in STREAMS:
-        lajolla.whole_files.check_folder(arguments.stats)
-
-
 def _save(
-    outputs: Sequence[Path],
+    outputs: Sequence[lajolla.outputs.Output],
     scene: lajolla.Scene,
     rendering: lajolla.Rendering,
     arguments: argparse.Namespace,
 ) -> None:
     """Writes all that a render was asked for."""
-    _write_outputs(outputs, rendering.image(), arguments)
+    lajolla.outputs.write_pictures(outputs, rendering.image(), arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
-        _write_stats(arguments.stats, statistics(scene, rendering))
+        stats = lajolla.outputs.statistics(scene, rendering)
+        lajolla.outputs.write_statistics(arguments.stats, stats)
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
@@ -179,7 +166,7 @@ def _render_each_sensor(arguments: argparse.Namespace) -> int:
     names = lajolla.scene.sensor_names(_scene(arguments), parameters=dict(arguments.parameters))
     commands = for_each_sensor(arguments, names)
     for command in commands:
-        _check_outputs(command)
+        lajolla.outputs.check(command)
     if len(commands) == 1:
         return command_render(commands[0])
     result = 0
@@ -194,26 +181,8 @@ def _render_each_sensor(arguments: argparse.Namespace) -> int:
     return result
 
 
-def _write_outputs(outputs: Sequence[Path], picture: lajolla.Image, arguments: argparse.Namespace) -> None:
-    """Writes all that can be written, then raises the first error."""
-    errors = []
-    if arguments.tonemap is not None:
-        picture.film = replace(picture.film, tonemap_method=arguments.tonemap)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", lajolla.ImageWarning)
-        for output in outputs:
-            try:
-                picture.save(output, exposure=arguments.exposure, half=arguments.half)
-            except lajolla.ImageError as error:
-                errors.append(error)
-    for warning in caught:
-        say(f"warning: {warning.message}")
-    if errors:
-        raise errors[0]
-
-
 def _summary(scene: lajolla.Scene, rendering: lajolla.Rendering) -> str:
-    stats = statistics(scene, rendering)
+    stats = lajolla.outputs.statistics(scene, rendering)
     return (
         f"{rendering.samples} samples per pixel in {rendering.seconds:.1f} s, "
         f"{rate(stats['samples_per_second'], 'samples')}, {rate(stats['rays_per_second'], 'rays')}"
@@ -227,37 +196,6 @@ def _report_nonfinite(rendering: lajolla.Rendering, arguments: argparse.Namespac
     x, y, sample = rendering.accumulator.nonfinite_list[0]
     say(f"warning: {count} sample{'s were' if count > 1 else ' was'} not finite and count as black")
     say(f"the first is sample {sample} of pixel {x},{y}: {replay_command(arguments, x, y, sample)}")
-
-
-def statistics(scene: lajolla.Scene, rendering: lajolla.Rendering) -> dict[str, Any]:
-    """What --stats writes; `samples` counts camera paths, in all pixels together."""
-    samples = rendering.samples * scene.width * scene.height
-    seconds = max(rendering.seconds, 1e-9)
-    unit = 1 if sys.platform == "darwin" else 1024  # of ru_maxrss
-    return {
-        "width": scene.width,
-        "height": scene.height,
-        "samples_per_pixel": rendering.samples,
-        "threads": rendering.threads,
-        "load_seconds": scene.load_seconds,
-        "build_seconds": scene.build_seconds,
-        "render_seconds": rendering.seconds,
-        "samples": samples,
-        "samples_per_second": samples / seconds,
-        "rays_per_second": rendering.accumulator.rays / seconds,
-        "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit,
-        "nonfinite_samples": rendering.accumulator.nonfinite,
-    }
-
-
-def _write_stats(path: Path, stats: dict[str, Any]) -> None:
-    text = json.dumps(stats, indent=2) + "\n"
-    if str(path) in STREAMS:  # opening these anew would cut off a file that they lead to
-        stream: TextIO = getattr(sys, STREAMS[str(path)])
-        stream.write(text)
-    else:
-        with lajolla.whole_files.replacing(path) as temporary:
-            temporary.write_text(text)
 
 
 # --- convert, check, compare, list --------------------------------------------------------------------------
@@ -342,8 +280,8 @@ def _check_all(arguments: argparse.Namespace) -> int:
 def command_compare(arguments: argparse.Namespace) -> int:
     if arguments.diff is not None:
         lajolla.image.check_output(arguments.diff)
-        if arguments.diff.suffix.lower() not in lajolla.image.LOW_RANGE:
-            raise lajolla.ImageError(f"{arguments.diff}: the difference picture is a PNG or JPEG")
+        if arguments.diff.suffix.lower() not in lajolla.picture_formats.LOW_RANGE:
+            raise lajolla.ImageError(f"{arguments.diff}: the difference picture is a PNG, JPEG or the like")
     a, b = lajolla.image.read(arguments.a), lajolla.image.read(arguments.b)
     facts = lajolla.report.comparison_facts(arguments.a, arguments.b, lajolla.comparison.compare(a, b))
     if arguments.json:

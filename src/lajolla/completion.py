@@ -10,7 +10,7 @@ import shtab
 
 from lajolla.arguments import build_parser
 from lajolla.catalog import catalog
-from lajolla.image import ENDINGS
+from lajolla.picture_formats import ENDINGS
 
 
 def script(shell: str) -> str:
