@@ -46,6 +46,7 @@ class Image:
     tells how the picture is written.
     """
 
+    @names_checked
     def __init__(
         self,
         array: ArrayLike,
@@ -111,6 +112,7 @@ class Image:
         return stream.getvalue()
 
 
+@names_checked
 def tone_map(linear: ArrayLike, exposure: float = 0.0, film: Film = DEFAULT_FILM) -> NDArray[np.uint8]:
     """Linear RGB as the film maps it, times 2^exposure, as 8-bit sRGB, or with the film's gamma.
 
@@ -133,28 +135,38 @@ def _encoded(linear: FloatImage, film: Film) -> FloatImage:
     return np.clip(linear, 0, 1) ** np.float32(1 / film.gamma)
 
 
-def _low_range(
-    ending: str, linear: FloatImage, exposure: float, channels: Mapping[str, FloatImage], film: Film
-) -> NDArray[Any]:
-    """The picture in the film's pixel format, as far as the file can hold it; alpha stays linear."""
-    pixel_format = _held(ending, film)
-    names = PIXEL_FORMATS[pixel_format]
+def _write_low_range(
+    target: Target,
+    ending: str,
+    linear: FloatImage,
+    exposure: float,
+    channels: Mapping[str, FloatImage],
+    film: Film,
+) -> None:
+    """Writes the film's pixel format, as far as the file can hold it; alpha stays linear."""
+    names, pixel_format = _held(ending, film)
     pixels = film.develop(_display(linear, exposure, film), channels, pixel_format)
-    colours = len(names) - ("A" in names)
-    pixels = np.concatenate(
-        [_encoded(pixels[..., :colours], film), np.clip(pixels[..., colours:], 0, 1)], axis=2
-    )
+    split = pixels.shape[2] - ("A" in names)
+    colours, alpha = _encoded(pixels[..., :split], film), np.clip(pixels[..., split:], 0, 1)
+    repeats = 3 if split == 1 and "Y" not in names else 1
     whole = np.uint16 if ending in DEEP else np.uint8
-    return np.rint(np.iinfo(whole).max * pixels).astype(whole)
+    encoded = np.concatenate([colours.repeat(repeats, axis=2), alpha], axis=2)
+    write_encoded(
+        target, np.rint(np.iinfo(whole).max * encoded).astype(whole), ending=ending, names=tuple(names)
+    )
 
 
-def _held(ending: str, film: Film) -> str:
-    """The pixel format that a file can hold, nearest to the film's: alpha is given up before grey is."""
-    names = "".join(film.names).replace("XYZ", "RGB")
-    coloured = names.replace("Y", "RGB")
-    candidates = (names, coloured, names.replace("A", ""), coloured.replace("A", ""))
-    kept = next(names for names in candidates if len(names) in LOW_RANGE[ending])
-    return next(name for name, letters in PIXEL_FORMATS.items() if letters == kept)
+def _held(ending: str, film: Film) -> tuple[str, str]:
+    """The channels of a file that are nearest to the film's, and the pixel format to fill them with.
+
+    Alpha is given up before grey is stored as three equal channels.
+    """
+    wanted = "".join(film.names).replace("XYZ", "RGB")
+    for kept in (wanted, wanted.replace("A", "")):
+        for names in (kept, kept.replace("Y", "RGB")):
+            if len(names) in LOW_RANGE[ending]:
+                return names, next(name for name, letters in PIXEL_FORMATS.items() if letters == kept)
+    raise AssertionError(f"{ending} files hold neither grey nor colours")
 
 
 @names_checked
@@ -271,7 +283,7 @@ def write(
     target, linear = _as_target(target), np.asarray(array, np.float32)
     ending = ending_of(target if isinstance(target, Path) else None, format)
     if ending in LOW_RANGE:
-        write_encoded(target, _low_range(ending, linear, exposure, channels, film), ending=ending)
+        _write_low_range(target, ending, linear, exposure, channels, film)
     elif ending == ".hdr":
         write_encoded(target, _clamped(target, linear, 0.0, MAX_RGBE), ending=ending)
     elif ending == ".pfm":

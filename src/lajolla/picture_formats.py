@@ -21,8 +21,8 @@ LOW_RANGE = {
     ".bmp": (1, 3, 4),
     ".jxl": (3, 4),
     ".ppm": (1, 3),
-    ".sgi": (1, 2, 3, 4),
-    ".tga": (1, 2, 3, 4),
+    ".sgi": (1, 3, 4),
+    ".tga": (1, 3, 4),
 }
 DEEP = (".tif", ".tiff")
 ENDINGS = (*HIGH_RANGE, *LOW_RANGE, *MATRIX)
