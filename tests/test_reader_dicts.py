@@ -101,7 +101,7 @@ def test_matrices_of_texture_space_may_be_3x3() -> None:
     ],
 )
 def test_samplers(name: str, properties: dict[str, Any]) -> None:
-    """All of them mean the same points, with a count and a seed; parameters of their own make no difference."""
+    """All mean the same points, with a count and a seed; parameters of their own make no difference."""
     sampler = {"type": name, "sample_count": 9, "seed": 2, **properties}
     description = describe(scene_with(sensor={"type": "perspective", "sampler": sampler}))
     assert description.core["sampler"] == {"type": "sobol", "sample_count": 9, "seed": 2}

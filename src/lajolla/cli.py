@@ -140,7 +140,9 @@ def command_render(arguments: argparse.Namespace) -> int:
         patience.save(_save, outputs, scene, rendering, arguments)
         names = ", ".join(str(output) for output in outputs)
         if patience.interrupt is not None:
-            say(f"interrupted; wrote {names} with {rendering.samples} of {rendering.spp} samples per pixel")
+            lost = f"; {rendering.lost} more, of the running pass, are lost" if rendering.lost else ""
+            done = f"{rendering.samples} of {rendering.spp} samples per pixel"
+            say(f"interrupted; wrote {names} with {done}{lost}")
             return patience.interrupt.exit_code
         if not arguments.quiet:
             say(f"wrote {names} ({_summary(scene, rendering)})")
