@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from .formats.images import Pixels
 from .schema import core_schema
 from .syntax.dict_reader import nodes_from_dict
 from .syntax.errors import Diagnostics, Location, SceneError, SceneWarning, Source, blamed_on, reason_of
-from .syntax.expand import expand_file
+from .syntax.expand import UnknownParameter, expand_file
 from .syntax.nodes import Node
 from .syntax.resolve import follow, resolve
 from .syntax.typed import Tree, member_of_run, nodes_from_elements
@@ -42,7 +42,9 @@ __all__ = [
     "Description",
     "Export",
     "SceneError",
+    "SceneFile",
     "SceneWarning",
+    "UnknownParameter",
     "convert",
     "core_schema",
     "describe",
@@ -52,6 +54,7 @@ __all__ = [
     "sensor_names",
 ]
 
+SceneFile: TypeAlias = str | os.PathLike[str] | BinaryIO
 NO_PARAMETERS: Mapping[str, str] = MappingProxyType({})
 
 
@@ -85,9 +88,10 @@ class Description:
 
 
 def load_description(
-    path: str | os.PathLike[str],
+    path: SceneFile,
     *,
     parameters: Mapping[str, str] = NO_PARAMETERS,
+    required_names: Container[str] = (),
     strict: bool = False,
     two_sided: bool = False,
     integrator: str | None = None,
@@ -97,8 +101,9 @@ def load_description(
     """Reads a Mitsuba scene file of any version.
 
     Args:
-        path: an XML file.
+        path: an XML file, or a binary file object to read one from.
         parameters: values for `$name` in the file; they win over its defaults.
+        required_names: of parameters that the scene must have; others are warned about.
         strict: refuse unknown plugins and properties instead of warning.
         two_sided: make opaque materials the same on the back.
         integrator: the plugin to use in place of the scene's integrator, with the parameters that both have.
@@ -107,20 +112,19 @@ def load_description(
 
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
+        UnknownParameter: the scene does not have one that it must have.
     """
-    tree, builder = _read(Path(path), parameters, strict, runs=runs)
+    tree, builder = _read(path, parameters, strict, required_names, runs=runs)
     return _describe(tree, replace(builder, two_sided=two_sided, integrator=integrator, sensor=sensor))
 
 
-def sensor_names(
-    path: str | os.PathLike[str], *, parameters: Mapping[str, str] = NO_PARAMETERS
-) -> tuple[str, ...]:
+def sensor_names(path: SceneFile, *, parameters: Mapping[str, str] = NO_PARAMETERS) -> tuple[str, ...]:
     """The ids of a scene file's sensors, or their numbers where they have none; nothing else is opened.
 
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
     """
-    tree, _ = _read(Path(path), parameters, strict=False)
+    tree, _ = _read(path, parameters, strict=False)
     return cameras.names(tree.root)
 
 
@@ -135,7 +139,7 @@ class Export:
 
 
 def convert(
-    path: str | os.PathLike[str],
+    path: SceneFile,
     target: str | os.PathLike[str],
     *,
     parameters: Mapping[str, str] = NO_PARAMETERS,
@@ -145,7 +149,7 @@ def convert(
     """Restates a scene file of any version as one of version 3.0.0; nothing is written.
 
     Args:
-        path: an XML file.
+        path: an XML file, or a binary file object to read one from.
         target: where the result will be; names of meshes and textures are relative to it.
         parameters: values for `$name` in the file; they win over its defaults.
         strict: refuse unknown plugins and properties instead of warning.
@@ -157,7 +161,7 @@ def convert(
     from .export.translator import Translator  # the way out, which no render needs
     from .export.write import scene_text
 
-    tree, builder = _read(Path(path), parameters, strict, runs=False)
+    tree, builder = _read(path, parameters, strict, runs=False)
     description = _describe(tree, builder)
     diagnostics = Diagnostics()
     builder = replace(builder, diagnostics=diagnostics, pictures=Budget())  # some are read again
@@ -207,11 +211,17 @@ def plugins() -> dict[str, dict[str, Any]]:
 
 
 def _read(
-    path: Path, parameters: Mapping[str, str], strict: bool, *, runs: bool = True
+    file: SceneFile,
+    parameters: Mapping[str, str],
+    strict: bool,
+    required_names: Container[str] = (),
+    *,
+    runs: bool = True,
 ) -> tuple[Tree, Builder]:
     """A scene file's nodes, opened, and the builder that knows where its files are."""
     diagnostics = Diagnostics(strict)
-    document = expand_file(path, parameters, diagnostics, runs=runs)
+    path, data = _named(file)
+    document = expand_file(path, parameters, diagnostics, data=data, required_names=required_names, runs=runs)
     tree = nodes_from_elements(document.root, diagnostics)
     builder = Builder(_core, diagnostics, document.search_paths)
     return _opened(tree, builder), replace(builder, members=partial(_members, tree, builder))
@@ -224,6 +234,16 @@ def _members(tree: Tree, builder: Builder, node: Node) -> Iterator[Node]:
         upgrade(member.nodes, builder.table, Diagnostics())  # the run was told of
         follow(member, tree.ids)
         yield next(child for _, child in member.root.children("shape"))
+
+
+def _named(file: SceneFile) -> tuple[Path, bytes | None]:
+    """A scene file's path, and what is in it where it is open; other files are beside that path."""
+    if isinstance(file, str | os.PathLike):
+        return Path(file), None
+    name, data = getattr(file, "name", None), file.read()
+    if not isinstance(data, bytes):
+        raise TypeError('a scene is read from bytes: open its file with mode "rb"')
+    return Path(name if isinstance(name, str) else "scene"), data
 
 
 def _opened(tree: Tree, builder: Builder) -> Tree:
