@@ -20,6 +20,7 @@ REPEATED_RATIO = 16  # and so many more for each byte that is included for the f
 MAX_FILLED = 1_000_000  # characters; defaults that double each other would fill the memory otherwise
 LATEST = (3, 0, 0)
 ORDINARY = "[A-Za-z0-9_]+"  # names of parameters
+TO_EXPAND = re.compile(rb"""\$|<(?:default|include|path|null)\b|\stype\s*=\s*(?:"\s*"|'\s*')""")
 MOST_HINTS = 256  # names that are compared with one that is missing
 
 
@@ -101,7 +102,12 @@ class _Expander:
         source.version = _version(root, source, parent, self.diagnostics)
         stack = [*including, path.resolve()]
         self._substitute(root)
-        root.children = [c for child in root.children for c in self._expand(child, stack)]
+        ends = [*(child.start for child in root.children[1:]), len(source.data)]
+        root.children = [
+            whole
+            for child, end in zip(root.children, ends, strict=True)
+            for whole in ([child] if _is_whole(child, end) else self._expand(child, stack))
+        ]
         return root
 
     def _is_own(self, path: Path) -> bool:
@@ -111,7 +117,7 @@ class _Expander:
 
     def _expand(self, element: Element, including: list[Path]) -> Iterator[Element]:
         """What stands for `element` in the tree: nothing, itself, or an included file's content."""
-        if element.run is not None:  # there is nothing to fill in
+        if element.run is not None:
             yield element
             return
         if not self._substitute(element):
@@ -234,6 +240,11 @@ class _Expander:
         self.longest = max(self.longest, len(name))
         if not re.fullmatch(ORDINARY, name):
             self.unusual.add(name)
+
+
+def _is_whole(element: Element, end: int) -> bool:
+    """Whether nothing stands for anything else in what begins with an element; runs are always so."""
+    return element.run is not None or TO_EXPAND.search(element.source.data, element.start, end) is None
 
 
 @lru_cache(64)

@@ -51,6 +51,9 @@ def find_file(name: str, directories: Iterable[Path], location: Location) -> Pat
         MissingFile: nothing is there; the message lists the folders that were searched.
     """
     wanted = name.replace("\\", "/")
+    directories = list(directories)
+    if directories and wanted.strip() and os.path.exists(usual := os.path.join(directories[0], wanted)):
+        return Path(usual)
     searched = list(dict.fromkeys([*directories, Path()]))
     if not wanted.strip() or "\0" in wanted:
         raise SceneError("a file name is expected", location)

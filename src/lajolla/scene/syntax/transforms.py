@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from .elements import Element
 from .errors import Location, SceneError, did_you_mean
@@ -15,8 +16,37 @@ from .literals import Text, parse_floats
 from .nodes import Array, Column
 from .runs import Irregular, numbers_of
 
-LARGEST = 1e30  # number in a matrix
-LAST_ROW = (0.0, 0.0, 0.0, 1.0)
+Number: TypeAlias = float | Array  # of one element, or of all members of a run: (count,)
+Rows: TypeAlias = list[list[Number]]  # of a matrix
+Truth: TypeAlias = bool | npt.NDArray[np.bool_]
+
+LARGEST = 1e30  # sum of the numbers in a matrix
+LAST_ROW = [0.0, 0.0, 0.0, 1.0]
+
+
+def is_even(matrix: Array, tolerance: float) -> Truth:
+    """Whether a matrix scales alike in all directions and keeps angles, so precisely; (..., 4, 4)."""
+    (a, b, c), (d, e, f), (g, h, i) = _linear(matrix)
+    squares = (a * a + d * d + g * g, b * b + e * e + h * h, c * c + f * f + i * i)
+    products = (a * b + d * e + g * h, a * c + d * f + g * i, b * c + e * f + h * i)
+    size = (squares[0] + squares[1] + squares[2]) / 3
+    result: Truth = True
+    for off in (*(square - size for square in squares), *products):
+        result = result & (abs(off) <= tolerance * size)
+    return result
+
+
+def turns_over(matrix: Array) -> Truth:
+    """Whether a matrix exchanges left and right; (..., 4, 4)."""
+    (a, b, c), (d, e, f), (g, h, i) = _linear(matrix)
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0
+
+
+def _linear(matrix: Array) -> Rows:
+    """The nine numbers, or columns of numbers, that turn and scale."""
+    if matrix.ndim == 2:
+        return [row[:3] for row in matrix[:3].tolist()]
+    return [[matrix[..., row, column] for column in range(3)] for row in range(3)]
 
 
 def translate(offset: Array) -> Array:
@@ -63,9 +93,6 @@ def any_perpendicular(direction: Array) -> Array:
     return np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
 
 
-Number: TypeAlias = float | Array  # of one element, or of all members of a run: (count,)
-Rows: TypeAlias = list[list[Number]]  # of a matrix
-
 IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 
 
@@ -93,10 +120,10 @@ def checked_matrix(matrix: Array, location: Location) -> Array:
     Raises:
         SceneError: it is not finite, or no affine transformation.
     """
-    rows = matrix.tolist()
-    if not all(-LARGEST <= number <= LARGEST for row in rows for number in row):
+    first, second, third, last = matrix.tolist()
+    if not sum(map(abs, (*first, *second, *third, *last))) <= LARGEST:
         raise SceneError("the transformation has numbers that are not finite", location)
-    if max(abs(number - wanted) for number, wanted in zip(rows[3], LAST_ROW, strict=True)) > 1e-6:
+    if last != LAST_ROW and max(abs(a - b) for a, b in zip(last, LAST_ROW, strict=True)) > 1e-6:
         raise SceneError("the last row of the transformation must be 0 0 0 1", location)
     return matrix
 
@@ -108,7 +135,9 @@ def checked_matrices(matrices: Column) -> Column:
         Irregular: `checked_matrix` refuses one of them.
     """
     rows = matrices.rows
-    if not np.all(np.abs(rows) <= LARGEST) or np.any(np.abs(rows[:, 3] - LAST_ROW) > 1e-6):
+    if not np.all(np.sum(np.abs(rows), axis=(1, 2)) <= LARGEST) or np.any(
+        np.abs(rows[:, 3] - LAST_ROW) > 1e-6
+    ):
         raise Irregular
     return matrices
 

@@ -12,7 +12,8 @@ from ...formats.mtl import materials_of
 from ...schema import CHILDREN, Content, Field, Part, Plugin
 from ...syntax.errors import Location, SceneError
 from ...syntax.files import identity
-from ...syntax.nodes import Array, Node
+from ...syntax.nodes import Node
+from ...syntax.transforms import is_even, turns_over
 from ...versions.upgrade import snake_case
 
 if TYPE_CHECKING:
@@ -74,17 +75,10 @@ def _with_normals(
     if mesh.normals is not None or values.get("face_normals"):
         return key, mesh
     matrix = np.asarray(values.get("to_world", np.eye(4)), float)
-    if _is_even(matrix):
+    if is_even(matrix, 1e-5) and not turns_over(matrix):  # angles and orientation stay
         matrix = np.eye(4)
     key = (*key, "normals", matrix.tobytes())
     return key, _cached(builder, key, lambda: mesh.with_vertex_normals(matrix.tolist()))
-
-
-def _is_even(matrix: Array) -> bool:
-    """Whether angles and orientation stay."""
-    gram = matrix[:3, :3].T @ matrix[:3, :3]
-    size = np.trace(gram) / 3
-    return bool(np.all(np.abs(gram - size * np.eye(3)) <= 1e-5 * size) and np.linalg.det(matrix[:3, :3]) > 0)
 
 
 def _part(builder: Builder, key: tuple[Any, ...], mesh: Content, first: int, count: int) -> Content:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ...schema import CHILDREN, Field, Plugin
 from ...syntax.nodes import Array, Column, Node
 from ...syntax.runs import Irregular
+from ...syntax.transforms import Truth, is_even, turns_over
 from .tessellate import MeshArrays, cube_arrays, cylinder_arrays, frame_around, sphere_arrays
 
 if TYPE_CHECKING:
     from ..builder import Builder
 
-Truths: TypeAlias = np.bool_ | npt.NDArray[np.bool_]
 Build = Callable[["Builder", Node, dict[str, Any]], dict[str, Any]]
 
 
@@ -30,11 +29,11 @@ def _round_shape(name: str, arrays: Callable[[dict[str, Any]], MeshArrays]) -> B
     """A builder for shapes that the core knows only when `to_world` scales alike in all directions."""
 
     def build(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-        if name == "sphere" and _agreed(_mirrors(values)) and node.version >= (2, 0, 0):
+        if name == "sphere" and _agreed(turns_over(_matrices(values))) and node.version >= (2, 0, 0):
             values["flip_normals"] = not values.get("flip_normals", False)  # as in Mitsuba 3
         if name == "cylinder":
             values = _evened_cylinder(values)
-        if _agreed(_is_similarity(_matrices(values))):
+        if _agreed(is_even(_matrices(values), 1e-4)):
             return {"type": name, **values}
         if node.run is not None:
             raise Irregular
@@ -75,34 +74,25 @@ def _evened_cylinder(values: dict[str, Any]) -> dict[str, Any]:
 def _matrices(values: dict[str, Any]) -> Array:
     """`to_world`, or that of each member of a run."""
     matrix = values.get("to_world", np.eye(4))
-    return matrix.rows if isinstance(matrix, Column) else np.asarray(matrix)
+    return matrix.rows if isinstance(matrix, Column) else np.asarray(matrix, float)
 
 
-def _mirrors(values: dict[str, Any]) -> Truths:
-    return np.linalg.det(_matrices(values)[..., :3, :3]) < 0
-
-
-def _agreed(truths: Truths) -> bool:
+def _agreed(truth: Truth) -> bool:
     """What is true of one shape, or of all members of a run.
 
     Raises:
         Irregular: it is true of some.
     """
-    if np.any(truths) != np.all(truths):
+    if isinstance(truth, bool):
+        return truth
+    if np.any(truth) != np.all(truth):
         raise Irregular
-    return bool(np.all(truths))
+    return bool(np.all(truth))
 
 
 def _grouping(name: str) -> Build:
     """A builder for what is no shape itself; `instances.py` makes of it what it shows."""
     return lambda builder, node, values: {"type": name, **values}
-
-
-def _is_similarity(matrix: Array) -> Truths:
-    linear = matrix[..., :3, :3]
-    gram = np.swapaxes(linear, -1, -2) @ linear
-    size = np.trace(gram, axis1=-2, axis2=-1)[..., None, None] / 3
-    return np.all(np.abs(gram - size * np.eye(3)) <= 1e-4 * size, axis=(-2, -1))
 
 
 IN_SHAPES = CHILDREN["shape"]
