@@ -59,8 +59,8 @@ class Writer:
             "m": lambda: self.random.choice("abc"),
             "i": lambda: self.random.choice("gh"),
             "o": lambda: self.random.choice(["1", "-1"]),
-            "x": lambda: self.random.choice(["0.5", "1.5"]),
-            "d": lambda: self.random.choice(["0.25", "0.5"]),
+            "x": lambda: self.random.choice(["0.5", "-0.0", "1.5"]),
+            "d": lambda: self.random.choice(["0.25", "-0.0", "0.5"]),
             "l": lambda: self.random.choice(["g", "lit"]),
         }
         for name, value in values.items():
@@ -157,13 +157,31 @@ def test_a_run_is_what_its_members_are(seed: int, tmp_path: Path) -> None:
     together, one_by_one = both(path)
     assert whole(together) == whole(one_by_one)
     assert sorted(map(str, together.warnings)) == sorted(map(str, one_by_one.warnings))
-    pictures = []
-    for description in (together, one_by_one):
-        render = _core.Render(_core.Scene(description.core), seed=1)
-        render.add(0, 2)
-        pictures.append(render.image())
-    assert pictures[0].tobytes() == pictures[1].tobytes()
-    assert pictures[0].any()
+    assert picture(together) == picture(one_by_one)
+
+
+def picture(description: Description) -> bytes:
+    render = _core.Render(_core.Scene(description.core), seed=1)
+    render.add(0, 2)
+    assert render.image().any()
+    return render.image().tobytes()
+
+
+def test_a_run_far_away_is_what_its_members_are(tmp_path: Path) -> None:
+    """Scenes that are far from the origin are moved to it."""
+    path, writer = tmp_path / "scene.xml", Writer(1)
+    there = (
+        HEAD.format(version="3.0.0").replace('"0, 0, 9"', '"1e7, 0, 9"').replace('"0, 0, 0"', '"1e7, 0, 0"')
+    )
+    spheres = "".join(
+        f'<shape type="sphere"><point name="center" x="{1e7 + i % 7 - 3}" y="{i // 7 - 3}" z="0"/>'
+        f'<float name="radius" value="{writer.number(0.2, 0.5)}"/><ref id="{"ab"[i % 2]}"/></shape>'
+        for i in range(49)
+    )
+    path.write_text(f"{there}{spheres}</scene>")
+    together, one_by_one = both(path)
+    assert len(together.core["shapes"]) == 1
+    assert picture(together) == picture(one_by_one)
 
 
 @pytest.mark.parametrize("kind", [0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 17, 18, 19, 24, 25], ids=lambda i: KINDS[i])

@@ -69,7 +69,9 @@ def convert_column(builder: Builder, owner: Node, prop: Property, field: Field) 
     low = max(low, 0.0) if colour else low
     if not (number or colour) or not np.all((rows >= low) & (rows <= high)):
         raise Irregular
-    return Column(np.repeat(rows[:, None], 3, axis=1)) if number and "spectrum" in field.type else column
+    if colour:
+        return Column(rows + 0.0)  # no negative zeros, as of single colours
+    return Column(np.repeat(rows[:, None], 3, axis=1)) if "spectrum" in field.type else column
 
 
 def _float(builder: Builder, owner: Node, prop: Property, field: Field) -> float | None:
