@@ -107,7 +107,8 @@ def command_render(arguments: argparse.Namespace) -> int:
     for warning in scene.warnings:
         print(warning, file=sys.stderr)
     if arguments.pixel is not None:
-        print(*scene.radiance(*arguments.pixel, arguments.sample))
+        x, y = arguments.pixel
+        print(*scene.radiance(x, y, arguments.sample))
         return 0
     outputs = outputs or [
         Path(arguments.scene.stem + arguments.suffix + ending) for ending in scene.film.endings
