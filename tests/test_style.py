@@ -44,6 +44,11 @@ def test_python_types_agree(repository: Path, tmp_path: Path) -> None:
     run_tool("mypy", folder=repository, MYPYPATH=str(tmp_path))
 
 
+def test_what_types_are_not_checked_is_told_in_one_place(repository: Path) -> None:
+    sources = (repository / "src").rglob("*.py")
+    assert [path.name for path in sources if "type: ignore" in path.read_text()] == []  # see pyproject.toml
+
+
 def test_cpp_is_formatted(repository: Path) -> None:
     sources = sorted(str(path) for path in (repository / "core").rglob("*") if path.suffix in {".h", ".cpp"})
     run_tool("clang-format", "--dry-run", "-Werror", *sources, folder=repository)

@@ -14,8 +14,9 @@ from ..data.ior import index_of_refraction
 from ..data.spectra import to_rgb
 from ..formats.spectra import read_spd
 from ..schema import Field
-from ..syntax.errors import SceneError, did_you_mean
+from ..syntax.errors import SceneError, did_you_mean, reason_of
 from ..syntax.files import find_file
+from ..syntax.foreign import is_mesh, type_name
 from ..syntax.literals import Text, parse_numbers
 from ..syntax.nodes import Array, Blackbody, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
 from ..syntax.transforms import checked_matrix
@@ -117,7 +118,7 @@ def _vector(context: Context, owner: Node, prop: Property, field: Field) -> tupl
 
 
 def _transform(context: Context, owner: Node, prop: Property, field: Field) -> Array | None:
-    given = getattr(prop.value, "matrix", prop.value)
+    given = prop.value
     if getattr(given, "size", 16) > 16:
         return None
     try:
@@ -267,6 +268,27 @@ def _object(name: str) -> Converter:
     return convert_object
 
 
+def _mesh(context: Context, owner: Node, prop: Property, field: Field) -> _core.Mesh | None:
+    """One of the core's, or of another library: made smooth, as those of files without normals are."""
+    if isinstance(prop.value, _core.Mesh):
+        return prop.value
+    given: Any = prop.value
+    if not is_mesh(given):
+        return None
+    try:
+        vertices = np.ascontiguousarray(given.vertices, np.float32)
+        faces = np.ascontiguousarray(given.faces)
+        if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
+            raise ValueError("its faces name vertices that are not there")
+        uvs = getattr(getattr(given, "visual", None), "uv", None)
+        uvs = None if uvs is None else np.ascontiguousarray(uvs, np.float32)
+        mesh = _core.Mesh(vertices, faces.astype(np.uint32), None, uvs)
+    except (TypeError, ValueError) as problem:
+        what = f"the {type_name(given)} is no triangle mesh"
+        raise SceneError(f"{what}: {reason_of(problem)}", prop.location) from None
+    return mesh.with_vertex_normals(np.eye(4).tolist())
+
+
 Converter: TypeAlias = Callable[[Context, Node, Property, Field], object]
 
 
@@ -288,7 +310,7 @@ CONVERTERS: dict[str, Converter] = {
     "phase": _phase,
     "grid": _array,
     "measurement": _object("Measurement"),
-    "mesh": _object("Mesh"),
+    "mesh": _mesh,
     "curves": _object("Curves"),
     "image": _array,
 }

@@ -106,12 +106,13 @@ def _upgrade_names(node: Node) -> None:
 
 def _upgrade_uv(node: Node) -> None:
     """0.x evaluates `uv * scale + offset`."""
-    given = {
-        p.name: p for p in node.properties if p.name in UV_PROPERTIES and isinstance(p.value, int | float)
-    }
+    given: dict[str, Property] = {}
+    values: dict[str, float] = {}
+    for prop in node.properties:
+        if prop.name in UV_PROPERTIES and isinstance(prop.value, int | float):
+            given[prop.name], values[prop.name] = prop, float(prop.value)
     if not given or node.kind != "texture":
         return
-    values = {name: float(prop.value) for name, prop in given.items()}  # type: ignore[arg-type]
     both = values.get("uvscale", 1.0)
     matrix = np.eye(4)
     matrix[0, 0], matrix[1, 1] = values.get("uscale", both), values.get("vscale", both)

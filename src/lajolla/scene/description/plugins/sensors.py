@@ -43,11 +43,8 @@ def _sobol(context: Context, node: Node, values: Values) -> Entry:
     return {"type": "sobol", "sample_count": 4, **kept}
 
 
-def _independent(context: Context, node: Node, values: Values) -> Entry:
-    return {"type": "independent", "sample_count": 4, **values}
-
-
-# How Mitsuba's samplers arrange their points. There is one arrangement here, which serves all of them.
+# How Mitsuba's samplers arrange their points. Here all of them mean the arrangement with the least noise:
+# most scenes name `independent` because it is Mitsuba's default. The option `sampler` chooses for certain.
 SAME = "no difference: points are those of sobol"
 POINTS = {
     "jitter": Field("jitter", "boolean", SAME, True),
@@ -55,7 +52,8 @@ POINTS = {
     "dimension": Field("dimension", "integer", SAME, 4, 0),
     "scramble": Field("scramble", "integer", SAME, -1),
 }
-LOW_DISCREPANCY = {
+SAMPLERS = {
+    "independent": (),
     "stratified": ("jitter", "dimension"),
     "multijitter": ("jitter",),
     "orthogonal": ("jitter", "strength"),
@@ -76,9 +74,8 @@ PLUGINS = (
         for name in ("perspective", "thinlens")
     ),
     Plugin("sampler", "sobol", "", (POINTS["scramble"],), _sobol, model="sobol"),
-    Plugin("sampler", "independent", "", (), _independent, model="independent"),
     *(
         Plugin("sampler", name, "The same as sobol.", tuple(POINTS[p] for p in points), _sobol, model="sobol")
-        for name, points in LOW_DISCREPANCY.items()
+        for name, points in SAMPLERS.items()
     ),
 )

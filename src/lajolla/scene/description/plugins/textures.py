@@ -17,10 +17,11 @@ from ..plugin import Context, Entry, Plugin, Values
 def _bitmap(context: Context, node: Node, values: Values) -> Entry:
     values.pop("filename", None)
     raw, gamma = values.pop("raw", False), values.pop("gamma", -1.0)
-    channel, data = values.pop("channel", ""), values.pop("data", None)
+    channel = values.pop("channel", "")
+    arrays = [values.pop(name) for name in ("data", "bitmap") if name in values]
     encoded = not (raw or gamma == 1 or is_alpha(channel))
-    if data is not None:
-        pixels, is_integer = _from_array(node, data, channel)
+    if arrays:
+        pixels, is_integer = _from_array(node, arrays[0], channel)
         image = _image(pixels, gamma, encoded=encoded and is_integer)
     else:
         path, location = context.find(node)
@@ -131,6 +132,7 @@ PLUGINS = (
             Field(
                 "data", "image", "from Python: an array (height, width, 1 to 4), read as a file of its type"
             ),
+            Field("bitmap", "image", "from Python: the same"),
         ),
         _bitmap,
         model="bitmap",
