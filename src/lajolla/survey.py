@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lajolla import _core
+from lajolla.limits import OptionError
 from lajolla.loading import Scene
-from lajolla.options import OptionError
 from lajolla.scene import SceneError
 from lajolla.scene.syntax.files import file_bytes
 
