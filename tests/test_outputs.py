@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from reader_tools import messages
 
-from lajolla import image
-from lajolla.scene import export, load_description
-from lajolla.scene.voxels import vol_bytes
+from lajolla import image, whole_files
+from lajolla.scene import convert, load_description
+from lajolla.scene.formats.voxels import vol_bytes
 
 NAME = os.fsdecode(b"caf\xe9")  # latin-1, which is not UTF-8
 PICTURE = np.full((2, 3, 3), 0.5, np.float32)
@@ -70,8 +70,8 @@ def test_what_a_killed_process_left_is_removed() -> None:
     code = """
 import os, signal
 from pathlib import Path
-from lajolla import image
-with image.replacing(Path("a.npy")) as temporary:
+from lajolla import image, whole_files
+with whole_files.replacing(Path("a.npy")) as temporary:
     temporary.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -80,7 +80,7 @@ with image.replacing(Path("a.npy")) as temporary:
     assert len(os.listdir()) == 2
     image.write(Path("b.npy"), PICTURE)
     assert len(os.listdir()) == 3  # another file's is not touched
-    with image.replacing(Path("a.npy")) as ours:
+    with whole_files.replacing(Path("a.npy")) as ours:
         ours.write_text("being written")
         image.write(Path("a.npy"), PICTURE)
         assert ours.exists()
@@ -89,7 +89,7 @@ with image.replacing(Path("a.npy")) as temporary:
 
 def left_by(process: object) -> Path:
     """The name of a temporary file for a.npy that another process would have."""
-    with image.replacing(Path("a.npy")) as ours:
+    with whole_files.replacing(Path("a.npy")) as ours:
         ours.write_text("")
     return Path(ours.name.replace(str(os.getpid()), str(process), 1))
 
@@ -192,7 +192,7 @@ def test_files_that_xml_cannot_name_are_copied_once(tmp_path: Path) -> None:
     mesh = '<shape type="obj"><string name="filename" value="caf\xe9.obj"/></shape>'
     path = tmp_path / "scene.xml"
     path.write_text(f'<scene version="3.0.0"><sensor type="perspective"/>{ball}{ball}{mesh}</scene>', "utf-8")
-    assert [Path(name).suffix for name in export(path, tmp_path / "new.xml").files] == [".png", ".obj"]
-    packed = export(path, tmp_path / "new.xml", pack=True).files
+    assert [Path(name).suffix for name in convert(path, tmp_path / "new.xml").files] == [".png", ".obj"]
+    packed = convert(path, tmp_path / "new.xml", pack=True).files
     assert [Path(name).suffix for name in packed] == [".png", ".ply"]
     assert packed["new-files/0.png"] == (tmp_path / f"{NAME}.png").read_bytes()

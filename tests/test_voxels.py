@@ -16,8 +16,8 @@ import pytest
 from statistics_tools import generator
 from voxel_files import BOX, NANOVDB, first_grid, nvdb, vol
 
-from lajolla.scene.volume_files import read_voxels
-from lajolla.scene.voxels import VoxelError
+from lajolla.scene.formats.volumes import read_voxels
+from lajolla.scene.formats.voxels import VoxelError
 
 
 def write(folder: Path, data: bytes, name: str = "a.vol") -> Path:
