@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from plugin_tools import FILES, PARAMETERS
 
 from lajolla.scene import plugins_by_kind
+from lajolla.scene.description.substitutes import SUBSTITUTES
 from lajolla.scene.schema import CHILDREN, Field
-from lajolla.scene.substitutes import SUBSTITUTES
 
 T = TypeVar("T")
 Draw = Callable[[st.SearchStrategy[int]], int]
