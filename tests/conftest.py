@@ -16,8 +16,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--fuzz-minutes",
         type=float,
         metavar="MINUTES",
-        help="how long each test in tests/fuzz looks for faults, with other inputs in every run; without this, "
-        "each tries a few, always the same ones",
+        help="how long each test in tests/fuzz looks for faults, with other inputs in every run; "
+        "without this, each tries a few, always the same ones",
     )
 
 

@@ -24,7 +24,9 @@ from lajolla.arguments import STREAMS, UsageError, for_each_sensor, parse, repla
 from lajolla.display import discard, progress_display, rate, safe_messages, say, size_in_memory
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
-LEAST_MEMORY = 300 << 20  # of addresses: what the libraries take when they are loaded, and a little more
+LEAST_MEMORY = (
+    384 << 20
+)  # of addresses: the libraries take most of it when they are loaded, and abort without
 
 
 def main(words: Sequence[str] | None = None) -> int:
