@@ -196,3 +196,41 @@ def test_files_that_xml_cannot_name_are_copied_once(tmp_path: Path) -> None:
     packed = convert(path, tmp_path / "new.xml", pack=True).files
     assert [Path(name).suffix for name in packed] == [".png", ".ply"]
     assert packed["new-files/0.png"] == (tmp_path / f"{NAME}.png").read_bytes()
+
+
+FULL_DISK = """
+mount -t tmpfs -o size=16k none disk && cp old.npy disk/a.npy && mkdir left
+"$1" -m lajolla render room.xml --size 64x64 --spp 1 -o disk/a.npy >told 2>&1
+echo $? >code
+"$1" -c "$2" >>told 2>&1
+cp disk/a.npy left && ls -A disk >names
+"""
+
+
+# A disk that is full only when the picture is saved: rendering one begins with a look at the space.
+SAVE = """
+from pathlib import Path
+import numpy as np
+from lajolla import image
+try:
+    image.write(Path("disk/a.npy"), np.ones((64, 64, 3), np.float32))
+except image.ImageError as problem:
+    print("error:", problem)
+"""
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can make a small file system")
+def test_a_full_disk_costs_no_picture() -> None:
+    Path("disk").mkdir()
+    Path("room.xml").write_text('<scene version="3.0.0"><sensor type="perspective"/></scene>')
+    image.write(Path("old.npy"), PICTURE)
+    command = ["unshare", "-m", "sh", "-c", FULL_DISK, "sh", sys.executable, SAVE]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    if not Path("code").exists():
+        pytest.skip(f"no small file system can be made here: {result.stderr.strip()}")
+    errors = [line for line in Path("told").read_text().splitlines() if "error: " in line]
+    assert Path("code").read_text() == "1\n"
+    assert len(errors) == 2 and all("disk/a.npy: " in line for line in errors)
+    assert errors[1].endswith("No space left on device")
+    assert Path("names").read_text() == "a.npy\n"
+    assert Path("left", "a.npy").read_bytes() == Path("old.npy").read_bytes()

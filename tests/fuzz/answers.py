@@ -17,6 +17,8 @@ import numpy as np
 import lajolla
 
 SECONDS, MEMORY = 2.0, 200 << 20  # of the processor, as tests run beside it; and bytes
+if "ASAN_OPTIONS" in os.environ:  # see tests/sanitize
+    SECONDS, MEMORY = 60.0, 4 << 30
 
 
 def outcome(load: Callable[..., lajolla.Scene]) -> str:
@@ -83,7 +85,7 @@ def search(check: Callable[..., None], count: int, minutes: float | None, **inpu
     while True:
         settings = hypothesis.settings(
             max_examples=count, derandomize=minutes is None, database=None, deadline=None,
-            suppress_health_check=list(hypothesis.HealthCheck),
+            suppress_health_check=list(hypothesis.HealthCheck), print_blob=False,
         )  # fmt: skip
         given = hypothesis.given(**inputs)(lambda **values: check(**values))
         seeded = hypothesis.seed(int.from_bytes(os.urandom(4), "big"))(given) if minutes else given

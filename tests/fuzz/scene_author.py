@@ -367,7 +367,9 @@ class Author:
                     with np.errstate(all="ignore"):
                         matrix = np.reshape(values, (4, 4)) @ matrix
             return matrix
-        return self.pick((type(value), np.float32))(value) if isinstance(value, float) else value
+        if isinstance(value, float):
+            return self.pick((float, np.float64))(value)
+        return value
 
 
 @st.composite

@@ -186,7 +186,7 @@ def describe(
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
     builder = Builder(_core, Diagnostics(strict), [base], two_sided, integrator, sensor)
-    with blamed_on(Location(Source("scene", b"", base))):
+    with blamed_on(Location(Source("scene", b"", base))), np.errstate(all="ignore"):
         tree = nodes_from_dict(scene_dict, base, builder.table)
     return _describe(_opened(tree, builder), builder)
 
@@ -204,7 +204,8 @@ def _read(path: Path, parameters: Mapping[str, str], strict: bool) -> tuple[Tree
     """A scene file's nodes, opened, and the builder that knows where its files are."""
     diagnostics = Diagnostics(strict)
     document = expand_file(path, parameters, diagnostics)
-    tree = nodes_from_elements(document.root, diagnostics)
+    with np.errstate(all="ignore"):
+        tree = nodes_from_elements(document.root, diagnostics)
     builder = Builder(_core, diagnostics, document.search_paths)
     return _opened(tree, builder), builder
 
