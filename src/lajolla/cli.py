@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import io
 import os
+import resource
 import sys
 import warnings
 from collections.abc import Callable, Sequence
