@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from process_tools import BLOCKED, can_block
 
 from lajolla import cli, display, image
 from lajolla.interrupts import Patience
@@ -202,13 +203,6 @@ sys.exit(cli.main("render room.xml --all-sensors -o a.pfm --quiet".split()))
 
 BUSY = SCENE.replace('"sample_count" value="4"', '"sample_count" value="256"').replace("8", "32")
 MOMENTS = 10
-# As the launcher starts Python: Ctrl-C waits until somebody hears it.
-BLOCKED = ["env", "--block-signal=INT"]
-
-
-def can_block() -> bool:
-    """Whether `env` is one that blocks signals."""
-    return subprocess.run([*BLOCKED, "true"], capture_output=True, check=False).returncode == 0
 
 
 @pytest.mark.skipif(not can_block(), reason="env has no --block-signal")

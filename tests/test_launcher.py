@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_interrupts import can_block
+from process_tools import can_block
 
 PYTHON = """#!/bin/sh
 case $1 in
