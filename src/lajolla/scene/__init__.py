@@ -190,7 +190,7 @@ def describe(
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
     builder = Builder(Diagnostics(strict), [base], two_sided, integrator, sensor)
-    with blamed_on(Location(Source("scene", b"", base))):
+    with blamed_on(Location(Source("scene", b"", base))), np.errstate(all="ignore"):
         tree = nodes_from_dict(scene_dict, base, builder.table, SUBSTITUTES)
     return _describe(_opened(tree, builder), builder)
 
@@ -211,7 +211,8 @@ def _read(
     diagnostics = Diagnostics(strict)
     path, data = _named(file)
     document = expand_file(path, parameters, diagnostics, data=data, required_names=required_names)
-    tree = nodes_from_elements(document.root, diagnostics)
+    with np.errstate(all="ignore"):
+        tree = nodes_from_elements(document.root, diagnostics)
     builder = Builder(diagnostics, document.search_paths)
     return _opened(tree, builder), builder
 
