@@ -264,18 +264,19 @@ def _mesh(builder: Builder, owner: Node, prop: Property, field: Field) -> Conten
     """One of the core's, or of another library: made smooth, as those of files without normals are."""
     if isinstance(prop.value, builder.core.Mesh):
         return prop.value
-    if not is_mesh(prop.value):
+    given: Content = prop.value
+    if not is_mesh(given):
         return None
     try:
-        vertices = np.ascontiguousarray(prop.value.vertices, np.float32)
-        faces = np.ascontiguousarray(prop.value.faces)
+        vertices = np.ascontiguousarray(given.vertices, np.float32)
+        faces = np.ascontiguousarray(given.faces)
         if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
             raise ValueError("its faces name vertices that are not there")
-        uvs = getattr(getattr(prop.value, "visual", None), "uv", None)
+        uvs = getattr(getattr(given, "visual", None), "uv", None)
         uvs = None if uvs is None else np.ascontiguousarray(uvs, np.float32)
         mesh = builder.core.Mesh(vertices, faces.astype(np.uint32), None, uvs)
     except (TypeError, ValueError) as problem:
-        what = f"the {type_name(prop.value)} is no triangle mesh"
+        what = f"the {type_name(given)} is no triangle mesh"
         raise SceneError(f"{what}: {reason_of(problem)}", prop.location) from None
     return mesh.with_vertex_normals(np.eye(4).tolist())
 

@@ -44,7 +44,7 @@ def plain(value: Any, location: Location) -> Any:  # noqa: ANN401
     return result.item() if single else result
 
 
-def is_mesh(value: object) -> bool:
+def is_mesh(value: Any) -> bool:  # noqa: ANN401
     """Whether an object of another library is a triangle mesh, such as those of trimesh."""
     return hasattr(value, "vertices") and hasattr(value, "faces") and not isinstance(value, np.ndarray)
 
