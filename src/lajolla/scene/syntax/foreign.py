@@ -7,7 +7,7 @@ its kin; transforms a `matrix`; meshes `vertices` and `faces`.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,8 @@ def plain(value: Any, location: Location) -> Any:  # noqa: ANN401
     elif isinstance(value, os.PathLike):
         result = os.fsdecode(value)
     elif isinstance(value, Sequence) and not isinstance(value, bytes | bytearray | memoryview):
+        if value and (isinstance(value[0], Mapping) or is_mesh(value[0])):
+            raise SceneError("a list of objects cannot be part of a scene: give each a key", location)
         result = value
     elif any(hasattr(type(value), name) for name in ARRAYS) or isinstance(value, np.generic | memoryview):
         result = _array(value, location)
