@@ -554,6 +554,23 @@ def test_mistakes_on_standard_input_have_a_place() -> None:
     assert result.stdout == b""
 
 
+def test_a_full_standard_output_loses_no_other_picture() -> None:
+    command = [sys.executable, "-m", "lajolla", *"render room.xml -o - -o b.png --format png --quiet".split()]
+    with open("/dev/full", "wb") as full:
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)
+    assert result.returncode == 1
+    assert result.stderr == b"lajolla: error: <stdout>: cannot be written: No space left on device\n"
+    assert files() == {"b.png"}
+
+
+def test_no_picture_goes_to_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert cli.main("render room.xml -o - --format png".split()) == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "standard output is a terminal" in captured.err
+
+
 def test_a_format_for_names_without_one() -> None:
     assert cli.main("render room.xml -o a -o b.png -o c.part --format JPG --quiet --spp 1".split()) == 0
     starts = {name: Path(name).read_bytes()[:2] for name in ("a", "b.png", "c.part")}
