@@ -57,9 +57,12 @@ def written_to(target: Target, ending: str) -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as folder:
         temporary = Path(folder, f"picture{ending}")
         yield temporary
-        with temporary.open("rb") as file:
-            shutil.copyfileobj(file, target)
-        target.flush()
+        try:
+            with temporary.open("rb") as file:
+                shutil.copyfileobj(file, target)
+            target.flush()
+        except OSError as error:
+            raise ImageError(f"{name_of(target)}: cannot be written: {error.strerror}") from error
 
 
 def name_of(target: Target) -> str:
@@ -95,7 +98,8 @@ def replacing(path: Path, ending: str | None = None) -> Iterator[Path]:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise ImageError(f"{path}: cannot be written: {error.strerror}") from error
+        reason = error.strerror or "only a part of it was taken, as by a full disk"  # NumPy tells no more
+        raise ImageError(f"{path}: cannot be written: {reason}") from error
 
 
 def _temporary_prefix(target: Path) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, overload
 
 from ..syntax.errors import Location
-from ..syntax.runs import Run
+from ..syntax.members import Run
 
 Entry = dict[str, Any]
 
@@ -75,5 +75,5 @@ class Places(dict[str, Location]):
         named = re.fullmatch(r"(\w+)\[(\d+)\]", entry)
         for where, first, run, members in self._runs:
             if named and where == named[1] and 0 <= int(named[2]) - first < len(members):
-                return Location(run.first.source, run.starts[members[int(named[2]) - first]])
+                return Location(run.source, run.starts[members[int(named[2]) - first]])
         return None

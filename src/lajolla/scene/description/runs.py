@@ -5,21 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..schema import BLACK, HARMLESS, Plugin, Slot
+from lajolla import _core
+
+from ..schema import HARMLESS
 from ..syntax.errors import Diagnostics, SceneError
+from ..syntax.members import Irregular
 from ..syntax.nodes import Array, Column, Node, Property, Rgb, below
-from ..syntax.runs import Irregular
+from .builder import Builder
+from .plugin import BLACK, Plugin, Slot
 from .values import convert, convert_column
 
-if TYPE_CHECKING:
-    from .builder import Builder
-
-Material = Callable[["Builder", Node, Node | None], int]  # the material of a shape that has this bsdf
-GroupOf = Callable[["Builder", Node], int]  # the group of the description that a shapegroup is
+Material = Callable[[Builder, Node, Node | None], int]  # the material of a shape that has this bsdf
+GroupOf = Callable[[Builder, Node], int]  # the group of the description that a shapegroup is
 
 
 def add_run(builder: Builder, node: Node, material: Material, group_of: GroupOf) -> range | None:
@@ -63,7 +64,7 @@ def _without_a_word(builder: Builder) -> Iterator[None]:
     builder.diagnostics = quiet = Diagnostics(strict=True)
     try:
         yield
-    except (SceneError, builder.core.DescriptionError):
+    except (SceneError, _core.DescriptionError):
         raise Irregular from None
     finally:
         builder.diagnostics = told
@@ -74,7 +75,10 @@ def _without_a_word(builder: Builder) -> Iterator[None]:
 def _entry(builder: Builder, node: Node, plugin: Plugin) -> dict[str, Any]:
     """What a plugin makes of the node of a run."""
     with _without_a_word(builder):
-        return plugin.build(builder, node, _values(builder, node, plugin))
+        entry = plugin.build(builder, node, _values(builder, node, plugin))
+    if not isinstance(entry, dict):
+        raise Irregular
+    return entry
 
 
 def _values(builder: Builder, node: Node, plugin: Plugin) -> dict[str, Any]:
@@ -85,8 +89,9 @@ def _values(builder: Builder, node: Node, plugin: Plugin) -> dict[str, Any]:
             if prop.value.kind not in plugin.children:
                 raise Irregular
         elif prop.name in fields:
-            convert_one = convert_column if isinstance(prop.value, Column) else convert
-            values[prop.name] = convert_one(builder, node, prop, fields[prop.name])
+            column = isinstance(prop.value, Column)
+            field = fields[prop.name]
+            values[prop.name] = convert_column(prop, field) if column else convert(builder, node, prop, field)
         elif prop.name not in HARMLESS.get(node.kind, ()):
             raise Irregular
     return values
@@ -177,7 +182,7 @@ def _own_materials(builder: Builder, bsdf: Node, plugin: Plugin) -> Column:
     entry = _entry(builder, bsdf, plugin)
     columns = {name: value.rows.tolist() for name, value in entry.items() if isinstance(value, Column)}
     with _without_a_word(builder):
-        if builder.core.transmissive(_stored(builder, entry)):
+        if _core.transmissive(_stored(builder, entry)):
             raise Irregular
     kept: list[int] = []  # members whose bsdf is new
     indices = []
@@ -198,7 +203,7 @@ def _own_materials(builder: Builder, bsdf: Node, plugin: Plugin) -> Column:
 def _stored(builder: Builder, entry: dict[str, Any]) -> dict[str, Any]:
     """An entry as the core takes it."""
     return {
-        name: builder.core.Column(np.ascontiguousarray(value.rows)) if isinstance(value, Column) else value
+        name: _core.Column(np.ascontiguousarray(value.rows)) if isinstance(value, Column) else value
         for name, value in entry.items()
     }
 
@@ -214,9 +219,9 @@ def _slots(builder: Builder, bsdf: Node, fronts: list[int]) -> Column:
             kept.append(i)
         indices.append(builder.slots[slot])
     if kept:
-        front = Column(np.array([fronts[i] for i in kept], np.int64))
-        back = front if builder.two_sided else BLACK
-        add_columns(builder, "materials", {"front": front, "back": back}, bsdf, kept)
+        seen = Column(np.array([fronts[i] for i in kept], np.int64))
+        entry = {"front": seen, "back": seen if builder.two_sided else BLACK}
+        add_columns(builder, "materials", entry, bsdf, kept)
     return Column(np.array(indices, np.int64))
 
 

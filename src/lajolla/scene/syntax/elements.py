@@ -5,51 +5,20 @@ from __future__ import annotations
 import codecs
 import re
 import xml.parsers.expat
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING
 
+from .element import Element
 from .errors import Diagnostics, Location, SceneError, Source
 from .files import file_bytes
+from .members import Run
 from .nodes import KINDS
 from .runs import add_to_run, extend_run
-
-if TYPE_CHECKING:
-    from .runs import Run
 
 ROOTS = (*KINDS, "camera", "luminaire")  # elements with which files begin, those of old ones too
 MAX_DEPTH = 64  # real scenes nest less than ten deep
 CHUNK = 1 << 14  # bytes that are parsed at once, and as many more as the shape takes that begins there
 END_OF_SHAPE = b"</shape>"
-NO_COLUMNS: Mapping[str, list[str]] = MappingProxyType({})
-
-
-class Element:
-    """One XML element with its attributes as written.
-
-    An element in a run (`runs.py`) stands for several that are alike: it is the first of them, and `columns`
-    holds the texts of attributes that differ. `run` is that of the outermost one.
-    """
-
-    __slots__ = ("attributes", "children", "columns", "run", "source", "start", "tag")
-
-    def __init__(self, tag: str, attributes: dict[str, str], source: Source, start: int) -> None:
-        self.tag = tag
-        self.attributes = attributes
-        self.source = source
-        self.start = start  # a byte of the source
-        self.children: list[Element] = []
-        self.columns: Mapping[str, list[str]] = NO_COLUMNS
-        self.run: Run | None = None
-
-    @property
-    def location(self) -> Location:
-        return Location(self.source, self.start)
-
-    def at(self, attribute: str) -> Location:
-        """The place of an attribute's value; that of the element when the attribute is absent."""
-        return Location(self.source, self.start, attribute=attribute)
 
 
 def read_source(path: Path, diagnostics: Diagnostics, data: bytes | None = None) -> Source:
@@ -118,9 +87,10 @@ def parse_xml(source: Source, *, runs: bool = True) -> Element:
     return document.children[0]
 
 
-def parse_element(source: Source, start: int, stop: int) -> Element:
-    """The element that starts there and ends before `stop`, once more."""
-    around = Element("", {}, source, start)
+def parse_member(run: Run, index: int) -> Element:
+    """A member of a run, once more, as an ordinary element."""
+    start, stop = run.span(index)
+    around = Element("", {}, run.source, start)
     _parse(around, start, stop, None)
     return around.children[0]
 

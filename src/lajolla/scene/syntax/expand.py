@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
-from .elements import Element, parse_xml, read_source
+from .element import Element
+from .elements import parse_xml, read_source
 from .errors import Diagnostics, SceneError, Source, did_you_mean
 from .files import find_file
 

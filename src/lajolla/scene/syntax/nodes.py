@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias, Union
+from typing import Any, TypeAlias, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from .errors import Location
-
-if TYPE_CHECKING:
-    from .runs import Run
+from .members import Run
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -76,7 +74,7 @@ class Blackbody:
 class Column:
     """Values of the members of a run: numbers (count,), triples (count, 3) or matrices (count, 4, 4)."""
 
-    rows: Array
+    rows: npt.NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -120,6 +118,27 @@ class Property:
     members: list[Reference] | list[Node] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Unsaid:
+    """What a file means where it says nothing and no property could say it; `versions` writes it into nodes.
+
+    The defaults are those of today.
+    """
+
+    integrator: str = ""  # of a scene without one; "": it is told of, and "path" used
+    last_sensor: bool = False  # of several the last counts, not the first
+    camera: bool = False  # a scene without one is seen by one that sees everything
+    daylight: bool = False  # a scene without light has sun and sky
+    lights_add_up: bool = False  # several lights around a scene are nothing to tell of
+    boundary: str = "diffuse"  # the bsdf of a shape around a medium, without its own
+    mirrored: bool = True  # a sphere that is mirrored is turned inside out
+    bounded: bool = True  # a constant extinction ends at a box, as a grid does
+    exchanged: bool = True  # a checkerboard that is read as a number exchanges its colours
+
+
+SINCE_2 = Unsaid()
+
+
 @dataclass(eq=False, slots=True)
 class Node:
     """An object of the scene: its kind ("bsdf"), its plugin ("diffuse") and its properties in file order.
@@ -133,6 +152,7 @@ class Node:
     plugin_location: Location
     id: str = ""
     properties: list[Property] = field(default_factory=list)
+    unsaid: Unsaid = SINCE_2
     run: Run | None = None
 
     @property
@@ -172,11 +192,6 @@ class Node:
         """The properties except those of these names."""
         dropped = set(names)
         return [p for p in self.properties if p.name not in dropped]
-
-    @property
-    def version(self) -> tuple[int, int, int]:
-        """The format version of the file in which the node stands."""
-        return self.location.source.version
 
     def __str__(self) -> str:
         return f'{self.kind} "{self.plugin}"' if self.plugin else self.kind

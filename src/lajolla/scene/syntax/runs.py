@@ -9,17 +9,11 @@ read one by one, as if there had been no run.
 from __future__ import annotations
 
 import re
-from array import array
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from .nodes import Array
-
-if TYPE_CHECKING:
-    from .elements import Element
-    from .errors import Location
+from .element import Element
+from .errors import Location
+from .members import Run
 
 VECTOR = ("value", "x", "y", "z")
 
@@ -42,39 +36,7 @@ COLUMNS: dict[str, tuple[str, ...]] = {
     "ref": ("id",),
 }
 
-ONE_EACH = re.compile(r"(?:[0-9.eE+-]+;)+", re.ASCII)
-SOME_EACH = re.compile(r"(?:[0-9.eE+-]*[ ,;])+", re.ASCII)
 VALUE = rb"""([ !#%(-;=-~]*)"""  # an attribute's, without references, parameters and quotes
-
-
-class Irregular(Exception):
-    """A member of a run is out of the ordinary."""
-
-
-class Run:
-    """The members of a run: the places where they start and end in their source."""
-
-    __slots__ = ("first", "last", "starts", "stop")
-
-    def __init__(self, first: Element, stop: int) -> None:
-        self.first = first
-        self.last = first  # as it was parsed
-        self.starts = array("q", [first.start])
-        self.stop = stop  # of the last one
-
-    def __len__(self) -> int:
-        return len(self.starts)
-
-    def element(self, index: int) -> Element:
-        """A member as an ordinary element."""
-        from .elements import parse_element
-
-        stop = self.starts[index + 1] if index + 1 < len(self.starts) else self.stop
-        return parse_element(self.first.source, self.starts[index], stop)
-
-    def elements(self) -> Iterator[Element]:
-        """All members as ordinary elements."""
-        return map(self.element, range(len(self)))
 
 
 def add_to_run(siblings: list[Element], end: int) -> None:
@@ -92,14 +54,14 @@ def add_to_run(siblings: list[Element], end: int) -> None:
         return
     stop = data.find(b">", end) + 1 or len(data)
     if first.run is None:
-        first.run = Run(first, stop)
+        first.run = Run(first.source, first.start, stop)
     run = first.run
     for element, name, text in found:
         if name not in element.columns:
             element.columns = {**element.columns, name: [element.attributes[name]] * len(run)}
         element.columns[name].append(text)
     run.starts.append(last.start)
-    run.last = last
+    first.last = last
     run.stop = stop
     siblings.pop()
 
@@ -109,16 +71,16 @@ def extend_run(first: Element, end: int) -> int:
 
     Programs write them alike to the letter but for values, so that nothing is to be parsed.
     """
-    run = first.run
-    if run is None or run.stop != end:
+    run, last = first.run, first.last
+    if run is None or last is None or run.stop != end:
         return end
     data = first.source.data
     gap = data[end : data.find(b"<", end)]
     if gap.strip():
         return end
-    places = [(name.offset, mine, name.attribute) for mine, name in _values(first, run.last)]
+    places = [(name.offset, mine, name.attribute) for mine, name in _values(first, last)]
     places.sort(key=lambda place: place[0])
-    pattern, at = re.escape(gap) + b"()", run.last.start
+    pattern, at = re.escape(gap) + b"()", last.start
     for offset, _, _ in places:
         stop = data.index(data[offset - 1], offset)
         pattern += re.escape(data[at:offset]) + VALUE
@@ -173,23 +135,3 @@ def _alike(first: Element, other: Element, found: list[tuple[Element, str, str]]
         if mine.run or theirs.run or not _alike(mine, theirs, found):
             return False
     return True
-
-
-def numbers_of(texts: list[str]) -> Array:
-    """The numbers of a column, as many in each text: (count, n).
-
-    Raises:
-        Irregular: not all of them are numbers, or there are more in one than in others.
-    """
-    joined = ";".join(texts) + ";"
-    if not ONE_EACH.fullmatch(joined):
-        sizes = {len(text.replace(",", " ").split()) for text in texts}
-        if len(sizes) != 1 or sizes == {0} or not SOME_EACH.fullmatch(joined):
-            raise Irregular
-    try:
-        numbers = np.array(list(map(float, joined.replace(",", " ").replace(";", " ").split())))
-    except ValueError:
-        raise Irregular from None
-    if not np.all(np.isfinite(numbers)):
-        raise Irregular
-    return numbers.reshape(len(texts), -1)

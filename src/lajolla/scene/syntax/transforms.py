@@ -9,12 +9,12 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from .elements import Element
+from .element import Element
 from .errors import Location, SceneError, did_you_mean
 from .expand import required
 from .literals import Text, parse_floats
+from .members import Irregular, numbers_of
 from .nodes import Array, Column
-from .runs import Irregular, numbers_of
 
 Number: TypeAlias = float | Array  # of one element, or of all members of a run: (count,)
 Rows: TypeAlias = list[list[Number]]  # of a matrix

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .elements import Element
+from .element import Element
+from .elements import parse_member
 from .errors import Diagnostics, Location, SceneError, did_you_mean
 from .expand import required
 from .literals import (
@@ -19,8 +20,8 @@ from .literals import (
     parse_rgb,
     parse_spectrum,
 )
+from .members import Irregular
 from .nodes import KINDS, Column, Node, Property, Reference, Rgb, SpectrumFile, Value, Vector
-from .runs import Irregular
 from .transforms import parse_numbers_of, parse_transform, parse_xyz, stack_columns
 
 OBJECT_ATTRIBUTES = ("type", "id", "name", "version")
@@ -71,8 +72,8 @@ def _add_children(element: Element, node: Node, tree: Tree, diagnostics: Diagnos
         if child.run is None:
             _add(child, node, given, tree, diagnostics)
         elif not _add_run(child, node, tree):
-            for member in child.run.elements():
-                _add(member, node, given, tree, diagnostics)
+            for index in range(len(child.run)):
+                _add(parse_member(child.run, index), node, given, tree, diagnostics)
 
 
 def _add_run(element: Element, parent: Node, tree: Tree) -> bool:
@@ -99,7 +100,7 @@ def member_of_run(node: Node, index: int) -> Tree:
     """One of the shapes for which the node of a run stands, as it is without the run."""
     assert node.run is not None
     tree = Tree(Node("scene", "scene", node.location, node.location))
-    _add(node.run.element(index), tree.root, set(), tree, Diagnostics())
+    _add(parse_member(node.run, index), tree.root, set(), tree, Diagnostics())
     return tree
 
 
