@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from .literals import Text, parse_floats
 from .members import Irregular, numbers_of
 from .nodes import Array, Column
 
-Number: TypeAlias = float | Array  # of one element, or of all members of a run: (count,)
+Number: TypeAlias = Any  # a float, or of all members of a run an array (count,)
 Rows: TypeAlias = list[list[Number]]  # of a matrix
 Truth: TypeAlias = bool | npt.NDArray[np.bool_]
 
