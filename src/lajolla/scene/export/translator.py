@@ -24,7 +24,7 @@ from ..description.instances import Contents
 from ..description.plugin import Entry, Part, Plugin, Values, is_child
 from ..description.plugins import colours
 from ..description.plugins.textures import decode, is_alpha
-from ..formats.images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
+from ..formats.images import FLOAT_RGB, Pixels, read_pixels
 from ..formats.ply import ply_bytes
 from ..schema import Field
 from ..syntax.files import MissingFile, file_bytes
@@ -248,8 +248,8 @@ class Translator:
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
         """Packs a bitmap's pixels as linear floating-point numbers; the name of the file."""
         place = node.property_location("filename")
-        pixels = read_pixels(self._file_of(node), place, self.pictures, channel, pixel=FLOAT_RGB)
-        encoded = is_integer_file(self._file_of(node))
+        path = self._file_of(node)
+        pixels, encoded = read_pixels(path, place, self.pictures, channel, pixel=FLOAT_RGB)
         linear = decode(pixels, 1.0 if is_alpha(channel) else gamma) if encoded else pixels
         return self.pack(".exr", np.broadcast_to(linear, (*linear.shape[:2], 3)))
 

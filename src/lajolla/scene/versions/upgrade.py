@@ -88,7 +88,7 @@ def _correct_names(node: Node, plugins: Iterable[Declared], diagnostics: Diagnos
             continue
         if name in fields:
             message = f'"{prop.name}" of {node} is the old name of "{name}"; it is read as "{name}"'
-            diagnostics.unknown(message, prop.name_location)
+            diagnostics.unknown(message, prop.name_location, node.count)
         if name in fields | harmless:
             prop.name = name
 

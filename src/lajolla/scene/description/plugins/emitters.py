@@ -8,8 +8,9 @@ import numpy as np
 
 from lajolla import _core
 
-from ...formats.images import FLOAT_RGB, is_integer_file, read_pixels
+from ...formats.images import FLOAT_RGB, read_pixels
 from ...schema import Field
+from ...syntax.files import identity
 from ...syntax.nodes import Node
 from ..plugin import Context, Entry, Plugin, Values
 from .lenses import LENS, field_of_view, width_per_axis
@@ -19,11 +20,11 @@ from .textures import decode
 def _envmap(context: Context, node: Node, values: Values) -> Entry:
     values.pop("filename", None)
     path, location = context.find(node)
-    key = ("envmap", path.resolve())
+    key = ("envmap", identity(path))
 
     def read() -> _core.Image:
-        pixels = read_pixels(path, location, context.pictures, pixel=FLOAT_RGB)
-        linear = np.asarray(decode(pixels) if is_integer_file(path) else pixels, np.float32)
+        pixels, is_integer = read_pixels(path, location, context.pictures, pixel=FLOAT_RGB)
+        linear = np.asarray(decode(pixels) if is_integer else pixels, np.float32)
         if not np.all(np.isfinite(linear)) or np.any(linear < 0):
             context.diagnostics.warn(
                 f'"{path.name}" has pixels that are negative or not finite; they are black', location

@@ -7,9 +7,10 @@ import numpy as np
 from lajolla import _core
 from lajolla.colour import decode_srgb
 
-from ...formats.images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
+from ...formats.images import FLOAT_RGB, Pixels, read_pixels
 from ...schema import Field
 from ...syntax.errors import SceneError
+from ...syntax.files import identity
 from ...syntax.nodes import Node
 from ..plugin import Context, Entry, Plugin, Values
 
@@ -25,13 +26,13 @@ def _bitmap(context: Context, node: Node, values: Values) -> Entry:
         image = _image(pixels, gamma, encoded=encoded and is_integer)
     else:
         path, location = context.find(node)
-        key = ("texture", path.resolve(), raw, gamma, channel)
+        key = ("texture", identity(path), raw, gamma, channel)
 
         def read() -> _core.Image:
             context.reading(path, location)
             decoded = FLOAT_RGB if gamma > 0 and gamma != 1 else 0
-            pixels = read_pixels(path, location, context.pictures, channel, pixel=decoded)
-            return _image(pixels, gamma, encoded=encoded and is_integer_file(path))
+            pixels, is_integer = read_pixels(path, location, context.pictures, channel, pixel=decoded)
+            return _image(pixels, gamma, encoded=encoded and is_integer)
 
         image = context.once(key, read)
     return {"type": "bitmap", "image": image, **values}

@@ -14,6 +14,7 @@ from ...formats.volumes import read_voxels
 from ...formats.voxels import VoxelError, Voxels, box_transform
 from ...schema import Field
 from ...syntax.errors import Location, SceneError
+from ...syntax.files import identity
 from ...syntax.nodes import Array, Blackbody, Node
 from ..plugin import Colour, Context, Entry, Plugin, Values
 
@@ -68,7 +69,7 @@ def load_voxels(context: Context, node: Node, values: Values) -> tuple[Voxels, L
         return Voxels(_from_array(node, arrays[0]), np.eye(4)), node.location
     values.pop("filename", None)
     path, location = context.find(node)
-    key = ("volume", path.resolve(), grid_name)
+    key = ("volume", identity(path), grid_name)
 
     def read() -> Voxels:
         context.reading(path, location)
