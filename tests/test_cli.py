@@ -139,12 +139,12 @@ def test_pixel(capsys: Capture) -> None:
         ("render", "required: SCENE"),
         ("render room.xml --sp 3", "unknown option '--sp'; did you mean --spp?"),
         ("render room.xml more", "unknown argument 'more'"),
-        ("render room.xml --spp 0", "'0' is not a whole number from 1"),
-        ("render room.xml --spp many", "'many' is not a whole number from 1"),
+        ("render room.xml --spp 0", "argument --spp: spp must be in 1 to 1073741824, not 0"),
+        ("render room.xml --spp many", "'many' is not a whole number"),
         ("render room.xml --size 10", "'10' is not WIDTHxHEIGHT"),
         ("render room.xml --crop 1,2,3", "'1,2,3' is not X,Y,WIDTH,HEIGHT"),
         ("render room.xml --crop 10,0,10,10", "reaches outside of the film, 16 x 12"),
-        ("render room.xml --max-depth -2", "not a whole number from -1"),
+        ("render room.xml --max-depth -2", "max_depth must be in -1 to"),
         ("render room.xml --exposure inf", "not a number from -100 to 100"),
         ("render room.xml -D level", "'level' is not NAME=VALUE"),
         ("render room.xml --sample 1", "--sample needs --pixel"),
@@ -552,6 +552,23 @@ def test_mistakes_on_standard_input_have_a_place() -> None:
     assert result.returncode == 1
     assert result.stderr.startswith(b"<stdin>:9:18: error: ")
     assert result.stdout == b""
+
+
+def test_a_full_standard_output_loses_no_other_picture() -> None:
+    command = [sys.executable, "-m", "lajolla", *"render room.xml -o - -o b.png --format png --quiet".split()]
+    with open("/dev/full", "wb") as full:
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)
+    assert result.returncode == 1
+    assert result.stderr == b"lajolla: error: <stdout>: cannot be written: No space left on device\n"
+    assert files() == {"b.png"}
+
+
+def test_no_picture_goes_to_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert cli.main("render room.xml -o - --format png".split()) == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "standard output is a terminal" in captured.err
 
 
 def test_a_format_for_names_without_one() -> None:

@@ -7,7 +7,7 @@ its kin; transforms a `matrix`; meshes `vertices` and `faces`.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,8 @@ def plain(value: Any, location: Location) -> Any:  # noqa: ANN401
     elif isinstance(value, os.PathLike):
         result = os.fsdecode(value)
     elif isinstance(value, Sequence) and not isinstance(value, bytes | bytearray | memoryview):
+        if value and (isinstance(value[0], Mapping) or is_mesh(value[0])):
+            raise SceneError("a list of objects cannot be part of a scene: give each a key", location)
         result = value
     elif any(hasattr(type(value), name) for name in ARRAYS) or isinstance(value, np.generic | memoryview):
         result = _array(value, location)
@@ -44,7 +46,7 @@ def plain(value: Any, location: Location) -> Any:  # noqa: ANN401
     return result.item() if single else result
 
 
-def is_mesh(value: object) -> bool:
+def is_mesh(value: Any) -> bool:  # noqa: ANN401
     """Whether an object of another library is a triangle mesh, such as those of trimesh."""
     return hasattr(value, "vertices") and hasattr(value, "faces") and not isinstance(value, np.ndarray)
 
