@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from ..description.plugins.adapters import lets_light_through
 from ..description.plugins.daylight import in_words_of_mitsuba3
 from ..formats.volumes import read_voxels
 from ..formats.voxels import vol_bytes
@@ -105,11 +106,23 @@ def _map(translator: Translator, read: Node, node: Node) -> Node | None:
     name = "normalmap" if node.plugin == "normalmap" else "map"
     textures = [child for _, child in node.children("texture")]
     given = textures[0] if textures else getattr(node.find(name), "value", None)
+    inner = next((child for _, child in node.children("bsdf")), None)
     if given is None or (name == "map" and not isinstance(given, Node)):
-        return next((child for _, child in node.children("bsdf")), None)
+        return inner
+    if name == "map" and given.plugin != "bitmap":
+        translator.warn(node, f"Mitsuba 3 knows no slope of the {given} in {node}; its bumps are left out")
+        return inner
     kept = [p for p in node.properties if not (isinstance(p.value, Node) and p.value.kind == "texture")]
     plain = Node(node.kind, node.plugin, node.location, node.plugin_location, node.id, kept)
     return having(plain, **{name: given})
+
+
+def _two_sided(translator: Translator, read: Node, node: Node) -> Node | None:
+    """What lets light through stands alone."""
+    slots = [translator.builder.slot(child) for _, child in read.children("bsdf")]
+    if any(slot and lets_light_through(translator.builder, slot.front) for slot in slots[:2]):
+        return next((child for _, child in node.children("bsdf")), None)
+    return node
 
 
 def _mixture(translator: Translator, read: Node, node: Node) -> Node | None:
@@ -263,7 +276,10 @@ def _sensor(translator: Translator, read: Node, node: Node) -> Node | None:
     place = node.find("to_world")
     if place is not None and node.plugin in ("perspective", "thinlens"):
         matrix = np.array(place.value, dtype=np.float64)
-        matrix[:3, :3] /= np.linalg.norm(matrix[:3, :3], axis=0)
+        sizes = np.linalg.norm(matrix[:3, :3], axis=0)
+        if np.ptp(sizes) > 1e-3 * sizes.max():
+            translator.warn(node, f"Mitsuba 3 does not stretch what a {node} sees: its scale is left out")
+        matrix[:3, :3] /= sizes
         node = having(node, to_world=matrix)
     if node.find("fov") is None:
         node.properties = node.without(["fov_axis"])
@@ -301,7 +317,7 @@ def _place(translator: Translator, read: Node) -> dict[str, Value]:
     return {"to_world": entry["to_world"]} if "to_world" in entry else {}
 
 
-SIZES = ("width", "height", "crop_offset_x", "crop_offset_y", "crop_width", "crop_height")
+SIZES = ("width", "height", "crop_offset_x", "crop_offset_y", "crop_width", "crop_height", "sample_border")
 FORMATS = ("file_format", "component_format", "pixel_format")
 LOOKS = ("tonemap_method", "gamma", "exposure", "key", "burn", "digits", "channel_names")
 
@@ -456,6 +472,7 @@ ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("emitter", "spot"): _spot,
     **{("film", name): _film for name in ("film", "hdrfilm", "ldrfilm", "mfilm", "tiledhdrfilm")},
     **{("sampler", name): _sampler for name in ("sobol", "halton", "hammersley", *HAS["sampler"].split())},
+    ("bsdf", "twosided"): _two_sided,
     ("bsdf", "mixturebsdf"): _mixture,
     ("bsdf", "bumpmap"): _map,
     ("bsdf", "normalmap"): _map,

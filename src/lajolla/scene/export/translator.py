@@ -23,7 +23,7 @@ from ..description.plugins.textures import decode, is_alpha
 from ..description.values import constant_or_texture, convert
 from ..formats.images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
 from ..formats.ply import ply_bytes
-from ..schema import Field, Part, Plugin
+from ..schema import Content, Field, Part, Plugin
 from ..syntax.files import MissingFile, file_bytes
 from ..syntax.nodes import Node, Property, Rgb, Value, Vector, below
 from .coats import coating
@@ -278,7 +278,7 @@ class Translator:
             return instances(self, node)
         result = with_boundary(self._properties(node, plugin))
         entry = self.builder.construct(node)
-        if entry is None:
+        if entry is None or _is_empty(entry):
             return []
         if isinstance(entry, list):
             return [self._packed(having_bsdf(result, self._part_bsdf(part)), part.entry) for part in entry]
@@ -306,8 +306,17 @@ class Translator:
             if self.pack or indexed or node.find("max_smooth_angle") is not None:
                 return True
             mesh = entry["mesh"]
-            return mesh.concave or not reads_alike(self._file_of(node), node.plugin, len(mesh.faces))
+            coloured = node.plugin != "ply" and bool(
+                mesh.attributes
+            )  # which Mitsuba reads of PLY files alone
+            alike = reads_alike(self._file_of(node), node.plugin, len(mesh.faces))
+            return mesh.mended or coloured or not alike
         return node.plugin in ("sphere", "cylinder") and entry["type"] == "mesh"
+
+
+def _is_empty(entry: Content) -> bool:
+    """Whether a shape is a mesh without faces, which Mitsuba 3 refuses."""
+    return isinstance(entry, dict) and entry["type"] == "mesh" and len(entry["mesh"].faces) == 0
 
 
 def _first_camera_first(root: Node) -> list[Property]:
@@ -343,10 +352,13 @@ def _has_use(node: Node, prop: Property) -> bool:
     child = prop.value
     if not isinstance(child, Node):
         return True
+    if child.kind == "subsurface":
+        return False
     if node.kind == "scene" and child.kind in ("integrator", "sensor"):
         return child in node.outermost(child.kind)
-    if node.kind == "scene":
-        return child.kind != "emitter" or child.plugin.lower() != "area"
+    if node.kind == "scene":  # lights of shapes, and constants, are written where they are used
+        elsewhere = {"emitter": ("area",), "texture": CONSTANTS}.get(child.kind, ())
+        return child.plugin.lower() not in elsewhere
     if node.kind != "shape" or child.kind not in ("emitter", "medium"):
         return True
     if child.kind == "medium":
