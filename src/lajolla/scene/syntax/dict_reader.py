@@ -105,6 +105,9 @@ class _DictReader:
             return float(entry)
         if isinstance(entry, str | Path):
             return str(entry)
+        if hasattr(entry, "class_name") and not hasattr(entry, "__array_interface__"):
+            message = f"{type(entry).__name__} objects of Mitsuba cannot be used; give what they are made of"
+            raise SceneError(message, location)
         return _array_value(entry)
 
     def typed(self, entry: Mapping[str, Any], path: list[str]) -> Value:

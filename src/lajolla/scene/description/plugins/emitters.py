@@ -7,31 +7,45 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...formats.images import FLOAT_RGB, is_integer_file, read_pixels
-from ...schema import Field, Plugin
+from ...formats.images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
+from ...schema import Content, Field, Plugin
+from ...syntax.errors import Location
 from ...syntax.nodes import Node
 from .lenses import LENS, field_of_view, width_per_axis
-from .textures import decode
+from .textures import ARRAYS, decode, pixels_from_python
 
 if TYPE_CHECKING:
     from ..builder import Builder
 
 
 def _envmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    array = pixels_from_python(node, values)
+    if array is not None:
+        image = _panorama(builder, *array, "the panorama", node.location)
+        return {"type": "envmap", "image": image, **values}
     values.pop("filename", None)
     path, location = builder.find(node)
     key = ("envmap", path.resolve())
     if key not in builder.files:
         pixels = read_pixels(path, location, builder.pictures, pixel=FLOAT_RGB)
-        pixels = decode(pixels) if is_integer_file(path) else pixels.astype(np.float32)
-        if not np.all(np.isfinite(pixels)) or np.any(pixels < 0):
-            builder.diagnostics.warn(
-                f'"{path.name}" has pixels that are negative or not finite; they are black', location
-            )
-            pixels = np.where(np.isfinite(pixels) & (pixels >= 0), pixels, 0).astype(np.float32)
-        rgb = np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3)))
-        builder.files[key] = builder.core.Image(rgb, srgb=False)
+        image = _panorama(builder, pixels, is_integer_file(path), f'"{path.name}"', location)
+        builder.files[key] = image
     return {"type": "envmap", "image": builder.files[key], **values}
+
+
+def _panorama(builder: Builder, pixels: Pixels, is_encoded: bool, name: str, location: Location) -> Content:
+    """A picture of light: linear, and never negative."""
+    if is_encoded:
+        pixels = decode(pixels)
+    elif pixels.dtype == np.uint8:
+        pixels = pixels / np.float32(255)
+    pixels = pixels.astype(np.float32)
+    if not np.all(np.isfinite(pixels)) or np.any(pixels < 0):
+        message = f"{name} has pixels that are negative or not finite; they are black"
+        builder.diagnostics.warn(message, location)
+        pixels = np.where(np.isfinite(pixels) & (pixels >= 0), pixels, 0).astype(np.float32)
+    rgb = np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3)))
+    return builder.core.Image(rgb, srgb=False)
 
 
 def _point(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
@@ -88,7 +102,7 @@ PLUGINS = (
         "emitter",
         "envmap",
         "",
-        (FILENAME,),
+        (FILENAME, *ARRAYS),
         _envmap,
         model="envmap",
         hidden=("image",),

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     values.pop("filename", None)
     raw, gamma = values.pop("raw", False), values.pop("gamma", -1.0)
-    channel, data = values.pop("channel", ""), values.pop("data", None)
+    channel = values.pop("channel", "")
     encoded = not (raw or gamma == 1 or is_alpha(channel))
-    if data is not None:
-        pixels, is_integer = _from_array(node, data, channel)
-        image = _image(builder, pixels, gamma, encoded=encoded and is_integer)
+    array = pixels_from_python(node, values, channel)
+    if array is not None:
+        image = _image(builder, array[0], gamma, encoded=encoded and array[1])
     else:
         path, location = builder.find(node)
         key = ("texture", path.resolve(), raw, gamma, channel)
@@ -63,14 +63,24 @@ def decode(pixels: Pixels, gamma: float = -1.0) -> Pixels:
 CHANNELS = {1: "y", 2: "ya", 3: "rgb", 4: "rgba"}  # of an array, by their number
 
 
-def _from_array(node: Node, data: Content, channel: str) -> tuple[Pixels, bool]:
-    """The pixels of an array as if it were a file of its type, and whether they are integers."""
+def pixels_from_python(node: Node, values: dict[str, Any], channel: str = "") -> tuple[Pixels, bool] | None:
+    """The pixels of an array as if it were a file of its type, and whether they are encoded as integers are.
+
+    Takes the array, if there is one, out of the node's values. A bitmap of Mitsuba tells about its encoding.
+    """
+    arrays = [values.pop(name) for name in ("data", "bitmap") if name in values]
+    if not arrays:
+        return None
+    if len(arrays) > 1 or node.find("filename") is not None:
+        raise SceneError(f"{node} takes one of a file, an array and a bitmap", node.location)
+    data = arrays[0]
     try:
         array = np.asarray(data)
         array = array[:, :, None] if array.ndim == 2 else array
         if array.ndim != 3 or array.shape[2] not in CHANNELS or 0 in array.shape:
             raise SceneError(f'"data" of {node} must have the shape (height, width, 1 to 4)', node.location)
-        is_integer = array.dtype in (np.uint8, np.uint16)
+        told = getattr(data, "srgb_gamma", None)
+        is_encoded = bool(told()) if callable(told) else array.dtype in (np.uint8, np.uint16)
         if array.dtype == np.uint16:
             array = array.astype(np.float32) * np.float32(1 / 65535)  # as OpenImageIO does it
         elif array.dtype not in (np.uint8, np.float16, np.float32):
@@ -83,7 +93,7 @@ def _from_array(node: Node, data: Content, channel: str) -> tuple[Pixels, bool]:
             f'"data" of {node} has no channel "{channel}", only {", ".join(names)}', node.location
         )
     wanted = [names.index(name) for name in channel.lower() or names if channel or name != "a"]
-    return np.ascontiguousarray(array[:, :, wanted]), is_integer
+    return np.ascontiguousarray(array[:, :, wanted]), is_encoded
 
 
 def _scale(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
@@ -105,6 +115,10 @@ def _vertex_colors(builder: Builder, node: Node, values: dict[str, Any]) -> Cont
     return {"type": "mesh_attribute", "name": "vertex_color"}
 
 
+ARRAYS = (
+    Field("data", "image", "from Python: an array (height, width, 1 to 4), read as a file of its type"),
+    Field("bitmap", "image", "from Python: the same, or a bitmap of Mitsuba"),
+)
 SCALED = Field("texture", "texture_spectrum", "what is scaled; may have any name")
 FACTOR = Field("scale", "texture_spectrum", "the factor", 1.0)
 SCALED_COLOR = Field("value", "spectrum", "a colour in place of the texture")
@@ -130,9 +144,7 @@ PLUGINS = (
             Field("raw", "boolean", "values are not colours: take them as they are", False),
             Field("gamma", "float", "exponent of the encoding; 1 is linear, -1 is sRGB", -1.0),
             Field("channel", "string", "use one channel only: r, g, b or a", ""),
-            Field(
-                "data", "image", "from Python: an array (height, width, 1 to 4), read as a file of its type"
-            ),
+            *ARRAYS,
         ),
         _bitmap,
         model="bitmap",
