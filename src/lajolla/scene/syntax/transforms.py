@@ -97,13 +97,20 @@ def _parse_rotate(element: Element) -> Array:
 
 
 def _parse_look_at(element: Element) -> Array:
+    is_oldest = "ox" in element.attributes  # before 0.3: nine attributes, and +x to the left
+
     def vector(name: str) -> Array:
+        if is_oldest:
+            names = [name[0] + axis for axis in "xyz"]
+            return np.array([parse_float(Text(required(element, n), element.at(n))) for n in names])
         return np.array(parse_floats(Text(required(element, name), element.at(name)), (3,)))
 
     origin, target = vector("origin"), vector("target")
-    up = vector("up") if element.attributes.get("up", "").strip() else np.zeros(3)
+    has_up = "ux" in element.attributes or element.attributes.get("up", "").strip()
+    up = vector("up") if has_up else np.zeros(3)
     try:
-        return look_at(origin, target, up if np.any(up) else any_perpendicular(target - origin))
+        matrix = look_at(origin, target, up if np.any(up) else any_perpendicular(target - origin))
+        return matrix @ np.diag([-1.0, 1.0, 1.0, 1.0]) if is_oldest else matrix
     except ValueError:
         message = "origin and target are the same, or up points along the view"
         raise SceneError(message, element.location) from None

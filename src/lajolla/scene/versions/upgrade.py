@@ -14,6 +14,7 @@ import numpy as np
 from ..schema import HARMLESS, Plugin
 from ..syntax.errors import Diagnostics
 from ..syntax.nodes import Node, Property
+from . import oldest
 
 AIR = 1.000277
 
@@ -33,6 +34,8 @@ OLD_PROPERTIES = {
     ("film", "crop_y"): "crop_offset_y",
     ("film", "high_quality_edges"): "sample_border",
     ("integrator", "luminaire_samples"): "emitter_samples",
+    ("medium", "size_multiplier"): "scale",
+    ("sampler", "depth"): "dimension",
 }
 # Second names that Mitsuba 0.6 has for a property; the first counts where both are given.
 SYNONYMS = {
@@ -40,6 +43,7 @@ SYNONYMS = {
     "roughdiffuse": ("reflectance", "diffuse_reflectance"),
     "difftrans": ("transmittance", "diffuse_transmittance"),
 }
+RADIANT = {"area": "radiance", "constant": "radiance", "directional": "irradiance"}  # once "intensity"
 UV_PROPERTIES = ("uscale", "vscale", "uvscale", "uoffset", "voffset")
 
 
@@ -55,6 +59,8 @@ def upgrade(
         node.plugin = known.name if known else node.plugin
         if node.version < (2, 0, 0):
             _upgrade_names(node)
+            if node.version < (0, 4, 0):
+                oldest.restate(node)
             _upgrade_uv(node)
             _write_defaults(node)
         elif node.kind == "bsdf" and node.plugin.lower().startswith("disney"):
@@ -90,6 +96,10 @@ def _upgrade_names(node: Node) -> None:
     for prop in node.properties:
         name = snake_case(prop.name)
         prop.name = OLD_PROPERTIES.get((node.kind, name), name)
+        if node.kind == "emitter" and name == "intensity":
+            prop.name = RADIANT.get(node.plugin, name)
+        if node.kind == "film" and name == "alpha" and isinstance(prop.value, bool):
+            prop.name, prop.value = "pixel_format", "rgba" if prop.value else "rgb"
     name, synonym = SYNONYMS.get(node.plugin, ("", ""))
     if synonym and node.find(name) is None:
         for prop in node.properties:
