@@ -64,9 +64,9 @@ CHANNELS = {1: "y", 2: "ya", 3: "rgb", 4: "rgba"}  # of an array, by their numbe
 
 
 def pixels_from_python(node: Node, values: dict[str, Any], channel: str = "") -> tuple[Pixels, bool] | None:
-    """The pixels of an array as if it were a file of its type, and whether they are encoded as integers are.
+    """The pixels of an array as if it were a file of its type, and whether they are integers.
 
-    Takes the array, if there is one, out of the node's values. A bitmap of Mitsuba tells about its encoding.
+    Takes the array, if there is one, out of the node's values.
     """
     arrays = [values.pop(name) for name in ("data", "bitmap") if name in values]
     if not arrays:
@@ -79,8 +79,7 @@ def pixels_from_python(node: Node, values: dict[str, Any], channel: str = "") ->
         array = array[:, :, None] if array.ndim == 2 else array
         if array.ndim != 3 or array.shape[2] not in CHANNELS or 0 in array.shape:
             raise SceneError(f'"data" of {node} must have the shape (height, width, 1 to 4)', node.location)
-        told = getattr(data, "srgb_gamma", None)
-        is_encoded = bool(told()) if callable(told) else array.dtype in (np.uint8, np.uint16)
+        is_integer = array.dtype in (np.uint8, np.uint16)
         if array.dtype == np.uint16:
             array = array.astype(np.float32) * np.float32(1 / 65535)  # as OpenImageIO does it
         elif array.dtype not in (np.uint8, np.float16, np.float32):
@@ -93,7 +92,7 @@ def pixels_from_python(node: Node, values: dict[str, Any], channel: str = "") ->
             f'"data" of {node} has no channel "{channel}", only {", ".join(names)}', node.location
         )
     wanted = [names.index(name) for name in channel.lower() or names if channel or name != "a"]
-    return np.ascontiguousarray(array[:, :, wanted]), is_encoded
+    return np.ascontiguousarray(array[:, :, wanted]), is_integer
 
 
 def _scale(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
@@ -117,7 +116,7 @@ def _vertex_colors(builder: Builder, node: Node, values: dict[str, Any]) -> Cont
 
 ARRAYS = (
     Field("data", "image", "from Python: an array (height, width, 1 to 4), read as a file of its type"),
-    Field("bitmap", "image", "from Python: the same, or a bitmap of Mitsuba"),
+    Field("bitmap", "image", "from Python: the same"),
 )
 SCALED = Field("texture", "texture_spectrum", "what is scaled; may have any name")
 FACTOR = Field("scale", "texture_spectrum", "the factor", 1.0)
