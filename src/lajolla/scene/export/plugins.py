@@ -10,8 +10,9 @@ import numpy as np
 
 from ..description.plugins.adapters import lets_light_through
 from ..description.plugins.daylight import in_words_of_mitsuba3
+from ..description.plugins.volumes import hierarchical_voxels
 from ..formats.volumes import read_voxels
-from ..formats.voxels import vol_bytes
+from ..formats.voxels import Voxels, vol_bytes
 from ..syntax.nodes import Node, Property, Rgb, Value
 
 if TYPE_CHECKING:
@@ -440,9 +441,22 @@ def _grid_volume(translator: Translator, read: Node, node: Node) -> Node | None:
     voxels = read_voxels(path, getattr(read.find("grid_name"), "value", "density"))
     if path.suffix.lower() == ".vol" and voxels.values.dtype == np.float32:
         return result
+    return _packed_volume(translator, result, voxels)
+
+
+def _hierarchical_volume(translator: Translator, read: Node, node: Node) -> Node | None:
+    """One grid of all blocks."""
+    entry = translator.builder.construct(read)
+    translator.replaced(node, '"gridvolume" is written, which repeats its border beyond its box')
+    result = Node("volume", "gridvolume", node.location, node.plugin_location, node.id)
+    voxels, _ = hierarchical_voxels(translator.builder, read)
+    return _packed_volume(translator, having(result, to_world=entry["to_world"]), voxels)
+
+
+def _packed_volume(translator: Translator, volume: Node, voxels: Voxels) -> Node:
     name = f"{translator.stem}-files/{len(translator.packed)}.vol"
     translator.packed[name] = vol_bytes(voxels.values)
-    return having(result, filename=name)
+    return having(volume, filename=name)
 
 
 def _daylight(translator: Translator, read: Node, node: Node) -> Node | None:
@@ -490,6 +504,7 @@ ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("medium", "heterogeneous"): _heterogeneous,
     ("phase", "sggx"): _sggx,
     ("volume", "gridvolume"): _grid_volume,
+    ("volume", "hgridvolume"): _hierarchical_volume,
     ("texture", "bitmap"): _bitmap,
     ("texture", "checkerboard"): _checkerboard,
     ("texture", "scale"): _inner,
