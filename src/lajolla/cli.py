@@ -118,7 +118,8 @@ def command_render(arguments: argparse.Namespace) -> int:
     for warning in scene.warnings:
         tell(warning)
     if arguments.pixel is not None:
-        print(*scene.radiance(*arguments.pixel, arguments.sample))
+        x, y = arguments.pixel
+        print(*scene.radiance(x, y, arguments.sample))
         return 0
     outputs = lajolla.outputs.outputs_of(arguments, scene.film)
     for output in outputs:
