@@ -33,9 +33,9 @@ PROPERTIES: Mapping[str, Mapping[str, str]] = {
 REFLECTANCES = {"microfacet": (0.0, 1.0), "phong": (0.5, 0.2), "ward": (0.5, 0.2)}
 
 
-def restate(node: Node) -> None:
-    """Brings one node of a file before 0.4 to 0.4, in place."""
-    if node.location.source.version < (0, 3, 0):
+def restate(node: Node, version: tuple[int, int, int]) -> None:
+    """Brings one node of a file of a version before 0.4 to 0.4, in place."""
+    if version < (0, 3, 0):
         _from_before_0_3(node)
     if node.kind == "sensor":
         _turn_over(node)

@@ -73,7 +73,7 @@ def upgrade(
             node.unsaid = BEFORE_2
             _upgrade_names(node)
             if node.location.source.version < (0, 4, 0):
-                oldest.restate(node)
+                oldest.restate(node, node.location.source.version)
             _upgrade_uv(node)
             _write_defaults(node)
         elif node.kind == "bsdf" and node.plugin.lower().startswith("disney"):
