@@ -442,7 +442,7 @@ def _grid_volume(translation: Translation, read: Node, node: Node) -> Node | Non
 
 def _hierarchical_volume(translation: Translation, read: Node, node: Node) -> Node | None:
     """One grid of all blocks."""
-    entry = translation.builder.construct(read)
+    entry = translation.entry(read)
     translation.replaced(node, '"gridvolume" is written, which repeats its border beyond its box')
     result = Node("volume", "gridvolume", node.location, node.plugin_location, node.id)
     voxels, _ = hierarchical_voxels(translation.builder, read)

@@ -37,9 +37,9 @@ def _panorama(
     context: Context, pixels: Pixels, is_encoded: bool, name: str, location: Location
 ) -> _core.Image:
     """A picture of light: linear, and never negative."""
-    if not is_encoded and pixels.dtype == np.uint8:
-        pixels = pixels / np.float32(255)
     linear = np.asarray(decode(pixels) if is_encoded else pixels, np.float32)
+    if not is_encoded and pixels.dtype == np.uint8:
+        linear = linear / np.float32(255)
     if not np.all(np.isfinite(linear)) or np.any(linear < 0):
         message = f"{name} has pixels that are negative or not finite; they are black"
         context.diagnostics.warn(message, location)
