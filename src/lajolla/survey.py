@@ -65,8 +65,8 @@ def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
 def _is_scene(text: bytes) -> bool:
     """Whether the first element of a file is a scene."""
     at = 0
-    while (end := PROLOGUE.match(text, at).end()) > at:  # type: ignore[union-attr]  # matches nothing as well
-        at = end
+    while (passed := PROLOGUE.match(text, at)) and passed.end() > at:
+        at = passed.end()
     return re.match(rb"<scene\b", text[at : at + 7]) is not None
 
 
