@@ -31,10 +31,10 @@ ATTRIBUTES = {
     **dict.fromkeys(("float", "integer", "boolean", "string", "rgb", "srgb"), VALUE_ATTRIBUTES),
     **dict.fromkeys(("point", "vector", "translate", "scale"), VECTOR_ATTRIBUTES),
     "spectrum": (*OBJECT_ATTRIBUTES, *VALUE_ATTRIBUTES, "filename"),
-    "blackbody": ("name", "temperature", "scale"),
+    "blackbody": ("name", "temperature", "scale", "multiplier"),
     "rotate": (*VECTOR_ATTRIBUTES, "angle"),
     "matrix": ("value",),
-    "lookat": ("origin", "target", "up"),
+    "lookat": ("origin", "target", "up", *(point + axis for point in "otu" for axis in "xyz")),
     "transform": ("name", "time"),
     "animation": ("name",),
     "ref": ("id", "name"),
@@ -197,7 +197,8 @@ def _spectrum(element: Element) -> Value:
 
 
 def _blackbody(element: Element) -> Value:
-    scale = _text(element, "scale") if "scale" in element.attributes else None
+    factor = "scale" if "scale" in element.attributes else "multiplier"  # which it was before 0.4
+    scale = _text(element, factor) if factor in element.attributes else None
     return parse_blackbody(_text(element, "temperature"), scale)
 
 
