@@ -106,7 +106,7 @@ class _Expander:
         ends = [*(child.start for child in root.children[1:]), len(source.data)]
         root.children = [
             whole
-            for child, end in zip(root.children, ends, strict=True)
+            for child, end in zip(root.children, ends, strict=False)
             for whole in ([child] if _is_whole(child, end) else self._expand(child, stack))
         ]
         return root
