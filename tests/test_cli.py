@@ -139,12 +139,12 @@ def test_pixel(capsys: Capture) -> None:
         ("render", "required: SCENE"),
         ("render room.xml --sp 3", "unknown option '--sp'; did you mean --spp?"),
         ("render room.xml more", "unknown argument 'more'"),
-        ("render room.xml --spp 0", "'0' is not a whole number from 1"),
-        ("render room.xml --spp many", "'many' is not a whole number from 1"),
+        ("render room.xml --spp 0", "argument --spp: spp must be in 1 to 1073741824, not 0"),
+        ("render room.xml --spp many", "'many' is not a whole number"),
         ("render room.xml --size 10", "'10' is not WIDTHxHEIGHT"),
         ("render room.xml --crop 1,2,3", "'1,2,3' is not X,Y,WIDTH,HEIGHT"),
         ("render room.xml --crop 10,0,10,10", "reaches outside of the film, 16 x 12"),
-        ("render room.xml --max-depth -2", "not a whole number from -1"),
+        ("render room.xml --max-depth -2", "max_depth must be in -1 to"),
         ("render room.xml --exposure inf", "not a number from -100 to 100"),
         ("render room.xml -D level", "'level' is not NAME=VALUE"),
         ("render room.xml --sample 1", "--sample needs --pixel"),
@@ -221,6 +221,8 @@ def test_check_all(capsys: Capture) -> None:
         f'<scene version="3.0.0"><include filename="part.xml"/>{sensor}<emitter type="laser"/></scene>'
     )
     (folder / "other.xml").write_text("<robot/>")
+    (folder / "remark.xml").write_text("<?xml version='1.0'?><!-- no <scene> --><!-- at all --><robot/>")
+    (folder / "library.xml").write_text("<COLLADA><scene/></COLLADA>")
     os.mkfifo(folder / "pipe.xml")
     (folder / "folder.xml").mkdir()
     assert cli.main(["check", "--all", "scenes"]) == 0
@@ -235,6 +237,11 @@ def test_check_all(capsys: Capture) -> None:
     ]
     assert cli.main(["check", "--all", "scenes", "--strict"]) == 1
     assert capsys.readouterr().out.splitlines()[2].split()[:2] == ["whole.xml", "no"]
+    (folder / "UTF-16.XML").write_text((folder / "whole.xml").read_text(), "utf-16")
+    (folder / "two\nlines.xml").write_text("<!-- a -->\n<!-- b -->" + (folder / "whole.xml").read_text())
+    cli.main(["check", "--all", "scenes"])
+    rows = [line.split()[:2] for line in capsys.readouterr().out.splitlines()]
+    assert ["UTF-16.XML", "yes"] in rows and ["two\\nlines.xml", "yes"] in rows
     assert cli.main(["check", "--all", "room.xml"]) == 1
     assert "room.xml is no folder" in capsys.readouterr().err
 

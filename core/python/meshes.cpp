@@ -33,7 +33,7 @@ using Table = nb::ndarray<const T, nb::shape<-1, static_cast<Py_ssize_t>(N)>, nb
 struct LoadedMesh : Mesh {
     std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t>> groups;
     std::vector<std::string> material_libraries;
-    bool face_normals = false, concave = false;
+    bool face_normals = false, mended = false;
 };
 
 template <std::size_t N, class Elements, class T>
@@ -77,7 +77,7 @@ std::shared_ptr<LoadedMesh> from_file(MeshData data, bool flip_uvs) {
         mesh->groups.emplace_back(group.material, group.first_triangle, group.triangle_count);
     mesh->material_libraries = std::move(data.material_libraries);
     mesh->face_normals = data.face_normals;
-    mesh->concave = data.concave;
+    mesh->mended = data.mended;
     return mesh;
 }
 
@@ -115,7 +115,7 @@ std::shared_ptr<LoadedMesh> changed(const LoadedMesh &mesh, Mesh arrays) {
     result->groups = mesh.groups;
     result->material_libraries = mesh.material_libraries;
     result->face_normals = mesh.face_normals;
-    result->concave = mesh.concave;
+    result->mended = mesh.mended;
     return result;
 }
 
@@ -177,33 +177,41 @@ void bind_meshes(nb::module_ &m) {
              "vertices (N, 3) float32; faces (M, 3) uint32, indices of vertices; normals (N, 3) float32 of "
              "unit length; "
              "uvs (N, 2) float32. Raises ValueError where shapes or indices do not fit.")
-        .def_prop_ro("vertices",
-                     [](nb::handle self) {
-                         const auto &mesh = nb::cast<const LoadedMesh &>(self);
-                         return view(self, reinterpret_cast<const float *>(mesh.positions.data()),
-                                     {mesh.positions.size(), 3});
-                     })
-        .def_prop_ro("faces",
-                     [](nb::handle self) {
-                         const auto &mesh = nb::cast<const LoadedMesh &>(self);
-                         return view(self, reinterpret_cast<const std::uint32_t *>(mesh.triangles.data()),
-                                     {mesh.triangles.size(), 3});
-                     })
-        .def_prop_ro("normals",
-                     [](nb::handle self) -> nb::object {
-                         const auto &mesh = nb::cast<const LoadedMesh &>(self);
-                         if (mesh.normals.empty()) return nb::none();
-                         return view(self, reinterpret_cast<const float *>(mesh.normals.data()),
-                                     {mesh.normals.size(), 3});
-                     })
+        .def_prop_ro(
+            "vertices",
+            [](nb::handle self) {
+                const auto &mesh = nb::cast<const LoadedMesh &>(self);
+                return view(self, reinterpret_cast<const float *>(mesh.positions.data()),
+                            {mesh.positions.size(), 3});
+            },
+            nb::sig("def vertices(self, /) -> numpy.typing.NDArray[numpy.float32]"))
+        .def_prop_ro(
+            "faces",
+            [](nb::handle self) {
+                const auto &mesh = nb::cast<const LoadedMesh &>(self);
+                return view(self, reinterpret_cast<const std::uint32_t *>(mesh.triangles.data()),
+                            {mesh.triangles.size(), 3});
+            },
+            nb::sig("def faces(self, /) -> numpy.typing.NDArray[numpy.uint32]"))
+        .def_prop_ro(
+            "normals",
+            [](nb::handle self) -> nb::object {
+                const auto &mesh = nb::cast<const LoadedMesh &>(self);
+                if (mesh.normals.empty()) return nb::none();
+                return view(self, reinterpret_cast<const float *>(mesh.normals.data()),
+                            {mesh.normals.size(), 3});
+            },
+            nb::sig("def normals(self, /) -> numpy.typing.NDArray[numpy.float32] | None"))
         .def_prop_ro(
             "uvs",
             [](nb::handle self) -> nb::object {
                 const auto &mesh = nb::cast<const LoadedMesh &>(self);
                 if (mesh.uvs.empty()) return nb::none();
                 return view(self, reinterpret_cast<const float *>(mesh.uvs.data()), {mesh.uvs.size(), 2});
-            })
+            },
+            nb::sig("def uvs(self, /) -> numpy.typing.NDArray[numpy.float32] | None"))
         .def_prop_ro("attributes", &attributes,
+                     nb::sig("def attributes(self, /) -> dict[str, numpy.typing.NDArray[numpy.float32]]"),
                      "Further values per vertex (vertex_...) or per face (face_...).")
         .def_ro("groups", &LoadedMesh::groups,
                 "(material name, first face, number of faces) of an OBJ file's usemtl.")
@@ -214,16 +222,21 @@ void bind_meshes(nb::module_ &m) {
              "A mesh with angle-weighted normals at its vertices, as they are in the world.")
         .def("part", &part, "first_face"_a, "count"_a, "A mesh of consecutive faces.")
         .def_ro("face_normals", &LoadedMesh::face_normals, "Whether the file asks for flat faces.")
-        .def_ro("concave", &LoadedMesh::concave, "Whether polygons of the file could not be cut into fans.");
+        .def_ro("mended", &LoadedMesh::mended,
+                "Whether the file has concave polygons or lacks values: other programs may make something "
+                "else of it.");
 
     nb::class_<CurveSet>(m, "Curves", "Control points of curves.")
         .def(nb::new_(&make_curves), "points"_a, "segments"_a,
              "points (N, 4) float32: x, y, z, radius; segments (M,) uint32: the first control point of each.")
-        .def_prop_ro("points", [](nb::handle self) {
-            const auto &curves = nb::cast<const CurveSet &>(self);
-            return view(self, reinterpret_cast<const float *>(curves.points.data()),
-                        {curves.points.size(), 4});
-        });
+        .def_prop_ro(
+            "points",
+            [](nb::handle self) {
+                const auto &curves = nb::cast<const CurveSet &>(self);
+                return view(self, reinterpret_cast<const float *>(curves.points.data()),
+                            {curves.points.size(), 4});
+            },
+            nb::sig("def points(self, /) -> numpy.typing.NDArray[numpy.float32]"));
 
     nb::class_<Image>(m, "Image", "Pixels of a texture.")
         .def(nb::new_(&make_image), "pixels"_a, "srgb"_a = false,

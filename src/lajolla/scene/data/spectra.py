@@ -7,15 +7,11 @@ without an upper bound.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from lajolla.colour import xyz_to_rgb
 
-from ..syntax.errors import Diagnostics, Location, SceneError
-from ..syntax.files import file_bytes
-from ..syntax.literals import Text, checked_spectrum, parse_floats
+from ..syntax.errors import Diagnostics, Location
 from ..syntax.nodes import Array, Blackbody, Rgb, Spectrum
 from .cie import ILLUMINANT_D65, OBSERVER_1931, WAVELENGTHS
 
@@ -62,36 +58,18 @@ def to_rgb(
     value: Rgb | Spectrum | Blackbody, *, emission: bool, diagnostics: Diagnostics, location: Location
 ) -> tuple[float, float, float]:
     """Linear sRGB of any colour; negative values become zero, with a warning."""
+    rgb: tuple[float, ...]
     if isinstance(value, Rgb):
-        rgb = np.array(value.values)
+        rgb = value.values
     elif isinstance(value, Blackbody):
-        rgb = blackbody(value)
+        rgb = tuple(blackbody(value).tolist())
     elif not value.wavelengths:
-        rgb = np.full(3, value.values[0])
+        rgb = (value.values[0],) * 3
     else:
-        rgb = integrate(np.array(value.wavelengths), np.array(value.values), d65=not emission)
-    if np.any(rgb < 0):
+        spectrum = integrate(np.array(value.wavelengths), np.array(value.values), d65=not emission)
+        rgb = tuple(spectrum.tolist())
+    if min(rgb) < 0:
         shown = ", ".join(f"{v:.4g}" for v in rgb)
         diagnostics.warn(f"the colour ({shown}) has a negative part, which becomes zero", location)
-    red, green, blue = (float(v) for v in np.maximum(rgb, 0.0))
+    red, green, blue = (0.0 if v <= 0 else float(v) for v in rgb)  # what is no number stays
     return (red, green, blue)
-
-
-def read_spd(path: Path, location: Location) -> Spectrum:
-    """Reads an `.spd` file: a wavelength in nm and a value per line, `#` starts a comment.
-
-    Raises:
-        SceneError: the file cannot be read as that.
-    """
-    try:
-        text = file_bytes(path).decode()
-    except (OSError, UnicodeError):
-        raise SceneError(f'"{path}" cannot be read as a text file', location) from None
-    pairs = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        if content := line.partition("#")[0].strip():
-            try:
-                pairs.append(parse_floats(Text(content, location), (2,)))
-            except SceneError:  # which quotes the file
-                raise SceneError(f'"{path}", line {number}: expected 2 numbers', location) from None
-    return checked_spectrum(tuple(p[0] for p in pairs), tuple(p[1] for p in pairs), location)

@@ -23,7 +23,7 @@ from .packing import inflated, unpacked_by_blosc
 from .voxels import VoxelError, Voxels, box_transform, checked_shape, most_sparse
 
 Mask = npt.NDArray[np.bool_]
-Numbers = npt.NDArray[Any]
+Numbers = npt.NDArray[Any]  # of the type that the file tells
 
 MAGIC = 0x56444220
 OLDEST = 222  # the format of OpenVDB 2.0

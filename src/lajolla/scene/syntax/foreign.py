@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from lajolla.colour import decode_srgb
+
 from .errors import Location, SceneError, reason_of
 
 ARRAYS = ("__array__", "__array_interface__", "__dlpack__")
@@ -61,7 +63,16 @@ def _array(value: Any, location: Location) -> np.ndarray[Any, Any]:  # noqa: ANN
         if getattr(value, "mode", None) in INDIRECT_MODES and hasattr(value, "convert"):
             value = value.convert("RGB")
         lacks_array = not any(hasattr(value, name) for name in ARRAYS[:2]) and hasattr(value, "__dlpack__")
-        return np.from_dlpack(value) if lacks_array else np.asarray(value)
+        array = np.from_dlpack(value) if lacks_array else np.asarray(value)
+        return _encoded_as_usual(array, value)
     except Exception as problem:  # whatever the other library raises
         what = f"the {type_name(value)} cannot become an array"
         raise SceneError(f"{what}: {reason_of(problem)}", location) from None
+
+
+def _encoded_as_usual(array: np.ndarray[Any, Any], picture: object) -> np.ndarray[Any, Any]:
+    """Integers are taken as sRGB and other numbers as linear; where a bitmap says otherwise, linear ones."""
+    is_encoded, is_integer = getattr(picture, "srgb_gamma", None), array.dtype.kind == "u"
+    if not callable(is_encoded) or bool(is_encoded()) == is_integer:
+        return array
+    return array / np.float32(np.iinfo(array.dtype).max) if is_integer else decode_srgb(array)

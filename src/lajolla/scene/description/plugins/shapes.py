@@ -3,44 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...schema import CHILDREN, Field, Plugin
-from ...syntax.nodes import Array, Node
+from lajolla import _core
+
+from ...schema import CHILDREN, Field
+from ...syntax.members import Irregular
+from ...syntax.nodes import Array, Column, Node
+from ...syntax.transforms import Truth, is_even, turns_over
+from ..plugin import Context, Entry, Plugin, Values
 from .tessellate import MeshArrays, cube_arrays, cylinder_arrays, frame_around, sphere_arrays
 
-if TYPE_CHECKING:
-    from ..builder import Builder
-
-Build = Callable[["Builder", Node, dict[str, Any]], dict[str, Any]]
+Build = Callable[[Context, Node, Values], Entry]
 
 
-def _cube(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    if ("cube",) not in builder.files:
-        builder.files["cube",] = builder.core.Mesh(*cube_arrays())
-    return {"type": "mesh", "mesh": builder.files["cube",], **values}
+def _cube(context: Context, node: Node, values: Values) -> Entry:
+    return {"type": "mesh", "mesh": context.once("cube", lambda: _core.Mesh(*cube_arrays())), **values}
 
 
-def _round_shape(name: str, arrays: Callable[[dict[str, Any]], MeshArrays]) -> Build:
+def _round_shape(name: str, arrays: Callable[[Values], MeshArrays]) -> Build:
     """A builder for shapes that the core knows only when `to_world` scales alike in all directions."""
 
-    def build(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-        if name == "sphere" and _mirrors(values) and node.version >= (2, 0, 0):
+    def build(context: Context, node: Node, values: Values) -> Entry:
+        if name == "sphere" and _agreed(turns_over(_matrices(values))) and node.unsaid.mirrored:
             values["flip_normals"] = not values.get("flip_normals", False)  # as in Mitsuba 3
         if name == "cylinder":
             values = _evened_cylinder(values)
-        if _is_similarity(values.get("to_world", np.eye(4))):
+        if _agreed(is_even(_matrices(values), 1e-4)):
             return {"type": name, **values}
-        builder.diagnostics.warn(f"a stretched {name} is rendered as a mesh of fine triangles", node.location)
-        placed = {k: values[k] for k in ("to_world", "flip_normals") if k in values}
-        return {"type": "mesh", "mesh": builder.core.Mesh(*arrays(values)), **placed}
+        if node.run is not None:
+            raise Irregular
+        context.diagnostics.warn(f"a stretched {name} is rendered as a mesh of fine triangles", node.location)
+        placed = {k: v for k, v in values.items() if k in ("to_world", "flip_normals")}
+        return {"type": "mesh", "mesh": _core.Mesh(*arrays(values)), **placed}
 
     return build
 
 
-def _evened_cylinder(values: dict[str, Any]) -> dict[str, Any]:
+def _evened_cylinder(values: Values) -> Entry:
     """The same cylinder with other ends and radius, where `to_world` scales alike across its axis.
 
     What is left of `to_world` turns the cylinder's own frame, so that texture coordinates stay.
@@ -67,19 +68,28 @@ def _evened_cylinder(values: dict[str, Any]) -> dict[str, Any]:
     return {**values, "p0": (0.0, 0.0, 0.0), "p1": end, "radius": radius, "to_world": to_world}
 
 
-def _mirrors(values: dict[str, Any]) -> bool:
-    return bool(np.linalg.det(np.asarray(values.get("to_world", np.eye(4)))[:3, :3]) < 0)
+def _matrices(values: Values) -> Array:
+    """`to_world`, or that of each member of a run."""
+    matrix = values.get("to_world", np.eye(4))
+    return matrix.rows if isinstance(matrix, Column) else np.asarray(matrix, float)
+
+
+def _agreed(truth: Truth) -> bool:
+    """What is true of one shape, or of all members of a run.
+
+    Raises:
+        Irregular: it is true of some.
+    """
+    if isinstance(truth, bool):
+        return truth
+    if np.any(truth) != np.all(truth):
+        raise Irregular
+    return bool(np.all(truth))
 
 
 def _grouping(name: str) -> Build:
     """A builder for what is no shape itself; `instances.py` makes of it what it shows."""
-    return lambda builder, node, values: {"type": name, **values}
-
-
-def _is_similarity(matrix: Array) -> bool:
-    gram = matrix[:3, :3].T @ matrix[:3, :3]
-    size = np.trace(gram) / 3
-    return bool(np.all(np.abs(gram - size * np.eye(3)) <= 1e-4 * size))
+    return lambda context, node, values: {"type": name, **values}
 
 
 IN_SHAPES = CHILDREN["shape"]
@@ -101,10 +111,19 @@ PLUGINS = (
         (TO_WORLD,),
         _grouping("instance"),
         ("shape",),
+        in_runs=True,
     ),
     Plugin("shape", "merge", "The shapes inside.", (), _grouping("merge"), ("shape",)),
     Plugin(
-        "shape", "cube", "The cube from (-1, -1, -1) to (1, 1, 1).", (), _cube, IN_SHAPES, "mesh", ("mesh",)
+        "shape",
+        "cube",
+        "The cube from (-1, -1, -1) to (1, 1, 1).",
+        (),
+        _cube,
+        IN_SHAPES,
+        "mesh",
+        ("mesh",),
+        True,
     ),
     Plugin(
         "shape",
@@ -114,6 +133,7 @@ PLUGINS = (
         _round_shape("sphere", sphere_arrays),
         IN_SHAPES,
         "sphere",
+        in_runs=True,
     ),
     Plugin(
         "shape",
