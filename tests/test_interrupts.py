@@ -5,11 +5,14 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import numpy as np
 import pytest
+from process_tools import BLOCKED, can_block
 
 from lajolla import cli, display, image
 from lajolla.interrupts import Patience
@@ -147,7 +150,8 @@ def test_no_callback_can_drop_an_interrupt(
     monkeypatch.setattr(cli, "progress_display", progress_display)
     assert cli.main("render room.xml -o a.exr --spp 4096".split()) == 130
     error = capfd.readouterr().err
-    samples = re.search(r"interrupted; wrote a.exr with (\d+) of 4096 samples per pixel\n$", error)
+    told = r"interrupted; wrote a.exr with (\d+) of 4096 samples per pixel"
+    samples = re.search(rf"{told}(; \d+ more, of the running pass, are lost)?\n$", error)
     assert samples and 1 <= int(samples[1]) < 4096
 
 
@@ -195,3 +199,57 @@ sys.exit(cli.main("render room.xml --all-sensors -o a.pfm --quiet".split()))
     assert result.returncode == 143
     assert [path.name for path in Path().glob("*.pfm")] == ["a-0.pfm"]
     assert "lajolla: interrupted; nothing was written of sensor 1 and those after it" in result.stderr
+
+
+BUSY = SCENE.replace('"sample_count" value="4"', '"sample_count" value="256"').replace("8", "32")
+MOMENTS = 10
+
+
+@pytest.mark.skipif(not can_block(), reason="env has no --block-signal")
+@pytest.mark.usefixtures("as_from_a_terminal")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], ids=lambda n: n.name)
+def test_no_moment_is_a_bad_one(number: signal.Signals) -> None:
+    """From before Python has started until after the picture was saved, which took the place of another."""
+    Path("room.xml").write_text(BUSY)
+    command = [*BLOCKED, sys.executable, "-m", "lajolla", *"render room.xml -o a.exr --threads 1".split()]
+    start = time.monotonic()
+    subprocess.run(command, capture_output=True, check=True, timeout=120)
+    duration = time.monotonic() - start
+    codes = []
+    for moment in range(MOMENTS):
+        image.write(Path("a.exr"), np.ones((2, 3, 3), np.float32))
+        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        time.sleep(duration * moment / (MOMENTS - 1))
+        process.send_signal(number)
+        _, told = process.communicate(timeout=60)
+        codes.append(process.returncode)
+        assert "Traceback" not in told and "Error" not in told, told
+        assert process.returncode in (0, -number, 128 + number)
+        written = "wrote a.exr" in told
+        shape = image.read("a.exr").shape
+        assert shape == (32, 32, 3) if written else shape in ((2, 3, 3), (32, 32, 3)), told
+    assert len([code for code in codes if code]) >= MOMENTS // 2
+    subprocess.run(command, capture_output=True, check=True, timeout=120)
+    assert sorted(os.listdir()) == ["a.exr", "room.xml"]
+
+
+@pytest.mark.usefixtures("as_from_a_terminal")
+def test_what_an_interrupt_loses_is_told(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Passes have 1, 1, 2, 4, ... samples: the one that is cut off has as many as all before it."""
+    monkeypatch.setattr("lajolla.render.POLL_SECONDS", 0)
+
+    @contextmanager
+    def progress_display(**settings: object) -> Iterator[display.Observer]:
+        def observe(progress: Progress) -> None:
+            if 4 < progress.samples < 8:
+                os.kill(os.getpid(), signal.SIGINT)
+
+        yield observe
+
+    monkeypatch.setattr(cli, "progress_display", progress_display)
+    assert cli.main("render room.xml -o a.exr --spp 4096 --size 400x400".split()) == 130
+    told = "interrupted; wrote a.exr with 4 of 4096 samples per pixel; 4 more, of the running pass, are lost"
+    assert capfd.readouterr().err.endswith(f"lajolla: {told}\n")
+    assert image.read("a.exr").shape == (400, 400, 3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from reader_tools import messages
 
-from lajolla import image, whole_files
+from lajolla import image, picture_formats, whole_files
 from lajolla.scene import convert, load_description
 from lajolla.scene.formats.voxels import vol_bytes
 
@@ -23,7 +23,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("ending", image.ENDINGS)
+@pytest.mark.parametrize("ending", picture_formats.ENDINGS)
 def test_a_pipe_gets_the_bytes_of_the_file(ending: str) -> None:
     pipe, file = Path("pipe" + ending), Path("file" + ending)
     os.mkfifo(pipe)
@@ -70,7 +70,7 @@ def test_what_a_killed_process_left_is_removed() -> None:
     code = """
 import os, signal
 from pathlib import Path
-from lajolla import image, whole_files
+from lajolla import image, picture_formats, whole_files
 with whole_files.replacing(Path("a.npy")) as temporary:
     temporary.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
@@ -121,12 +121,12 @@ def test_process_ids_of_other_containers_mean_nothing(monkeypatch: pytest.Monkey
     assert theirs.exists() and not ours.exists()
 
 
-@pytest.mark.parametrize("ending", image.ENDINGS)
+@pytest.mark.parametrize("ending", picture_formats.ENDINGS)
 def test_names_of_any_bytes(ending: str) -> None:
     os.mkdir(NAME)
     image.write(Path(NAME, NAME + ending), PICTURE)
     assert os.listdir(NAME) == [NAME + ending]
-    if ending not in image.MATRIX:
+    if ending not in picture_formats.MATRIX:
         np.testing.assert_allclose(image.read(Path(NAME, NAME + ending)), 0.5, atol=0.01)
 
 
@@ -196,3 +196,44 @@ def test_files_that_xml_cannot_name_are_copied_once(tmp_path: Path) -> None:
     packed = convert(path, tmp_path / "new.xml", pack=True).files
     assert [Path(name).suffix for name in packed] == [".png", ".ply"]
     assert packed["new-files/0.png"] == (tmp_path / f"{NAME}.png").read_bytes()
+
+
+FULL_DISK = """
+mount -t tmpfs -o size=16k none disk && cp old.npy disk/a.npy && mkdir left
+"$1" -m lajolla render room.xml --size 64x64 --spp 1 -o disk/a.npy >told 2>&1
+echo $? >code
+"$1" -c "$2" >>told 2>&1
+cp disk/a.npy left && ls -A disk >names
+"""
+UNPACKED = [ending for ending in picture_formats.ENDINGS if ending not in (".webp", ".jxl")]
+# A disk that is full only when the picture is saved: before rendering there is a look at the space.
+SAVE = f"""
+from pathlib import Path
+import numpy as np
+from lajolla import image
+noise = np.random.default_rng(0).random((128, 128, 3), np.float32)
+for ending in {UNPACKED}:
+    try:
+        image.write(Path("disk/a" + ending), noise)
+    except image.ImageError as problem:
+        print("error:", problem)
+"""
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can make a small file system")
+def test_a_full_disk_costs_no_picture() -> None:
+    Path("disk").mkdir()
+    Path("room.xml").write_text('<scene version="3.0.0"><sensor type="perspective"/></scene>')
+    image.write(Path("old.npy"), PICTURE)
+    command = ["unshare", "-m", "sh", "-c", FULL_DISK, "sh", sys.executable, SAVE]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    if not Path("code").exists():
+        pytest.skip(f"no small file system can be made here: {result.stderr.strip()}")
+    told = Path("told").read_text()
+    errors = [line for line in told.splitlines() if "error: " in line]
+    assert Path("code").read_text() == "1\n"
+    assert len(errors) == 1 + len(UNPACKED) and "disk/a.npy: no space left" in errors[0], told
+    for line, ending in zip(errors[1:], UNPACKED, strict=True):
+        assert line.startswith(f"error: disk/a{ending}: ") and not line.endswith("None"), told
+    assert Path("names").read_text() == "a.npy\n"
+    assert Path("left", "a.npy").read_bytes() == Path("old.npy").read_bytes()

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lajolla.messages import names_checked
 from lajolla.picture_files import ImageError
 
 
@@ -18,6 +19,7 @@ class Comparison:
     excluded: int  # pixels that are not finite in one of the pictures
 
 
+@names_checked
 def compare(a: ArrayLike, b: ArrayLike, *, epsilon: float = 1e-2) -> Comparison:
     """Compares A with the reference B, both linear RGB of one shape (height, width, 3).
 
@@ -39,6 +41,7 @@ def compare(a: ArrayLike, b: ArrayLike, *, epsilon: float = 1e-2) -> Comparison:
     )
 
 
+@names_checked
 def difference_picture(a: ArrayLike, b: ArrayLike, *, epsilon: float = 1e-2) -> NDArray[np.uint8]:
     """8-bit RGB of the relative difference: red where A is brighter than B, blue where darker.
 
@@ -61,4 +64,4 @@ def _comparable(
     if x.shape != y.shape:
         sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (x, y)]
         raise ImageError(f"the pictures differ in size: {sizes[0]} and {sizes[1]}")
-    return x, y, np.isfinite(x).all(axis=2) & np.isfinite(y).all(axis=2)
+    return x, y, np.asarray(np.isfinite(x).all(axis=2) & np.isfinite(y).all(axis=2))

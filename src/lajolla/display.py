@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, suppress
@@ -22,7 +23,7 @@ class Messages(io.TextIOBase):
         self.stream = stream
 
     @property
-    def encoding(self) -> str:  # type: ignore[override]
+    def encoding(self) -> str:
         return self.stream.encoding
 
     def write(self, text: str) -> int:
@@ -62,7 +63,8 @@ def open_streams() -> None:
             mode = "r" if name == "stdin" else "w"
             setattr(sys, name, open(descriptor, mode, closefd=False))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):  # names of files can be any bytes
-        stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 @contextmanager
@@ -74,7 +76,35 @@ def safe_messages() -> Iterator[None]:
 
 def say(message: str) -> None:
     """A line of the program's own, on standard error."""
-    print(f"lajolla: {message}", file=sys.stderr, flush=True)
+    tell(f"lajolla: {message}")
+
+
+def tell(message: object) -> None:
+    """A message on standard error, such as a SceneError with its place and the line under it."""
+    print(coloured(str(message), sys.stderr), file=sys.stderr, flush=True)
+
+
+# The severity is a word after the place or the program's name; the caret stands on the last line.
+SEVERITY = re.compile(r"(?:^|(?<=: ))(error|warning): ")
+CARET = re.compile(r"\^$")
+COLOURS = {"error": "1;31", "warning": "1;33"}  # red and yellow, both bold
+
+
+def coloured(message: str, stream: TextIO) -> str:
+    """A message with its severity and its caret in colour, where the stream shows colours."""
+    found = SEVERITY.search(message) if shows_colours(stream) else None
+    if found is None:
+        return message
+    start, end = f"\x1b[{COLOURS[found[1]]}m", "\x1b[0m"
+    message = message[: found.start(1)] + start + found[1] + end + message[found.end(1) :]
+    return CARET.sub(f"{start}^{end}", message) if "\n" in message else message
+
+
+def shows_colours(stream: TextIO) -> bool:
+    """Whether a stream is a terminal with colours; the environment can tell otherwise, NO_COLOR first."""
+    if os.environ.get("NO_COLOR"):
+        return False
+    return bool(os.environ.get("FORCE_COLOR")) or (stream.isatty() and os.environ.get("TERM") != "dumb")
 
 
 def rate(per_second: float, unit: str) -> str:

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from lajolla import _core
 from lajolla.film import Film
 from lajolla.image import Image
+from lajolla.limits import LIMITS
+from lajolla.messages import names_checked
 
 PASS_SECONDS = 2.0  # passes grow until they take about this long; an interrupted one is lost
 POLL_SECONDS = 0.1
 
 DEFAULT_FILM = Film()
-MAX_THREADS = 1024  # TBB hangs far above
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class Progress:
 class Rendering:
     """A picture in the making: passes of samples are added until there are enough.
 
-    An exception in `run`, such as KeyboardInterrupt, leaves the finished passes: `samples` of `spp`.
+    An exception in `run`, such as KeyboardInterrupt, leaves the finished passes: `samples` of `spp`. The pass
+    that it cuts off is `lost`, in samples per pixel; `run` can be called again.
     """
 
     def __init__(
@@ -46,6 +48,7 @@ class Rendering:
         self.film = film
         self.channels = core.channels
         self.spp = spp
+        self.lost = 0
         self.seconds = 0.0
         self.threads = threads
         self.accumulator = _core.Render(core, seed)
@@ -60,20 +63,24 @@ class Rendering:
         channels = {label: values[..., 3 + index] for index, label in enumerate(self.channels)}
         return Image(values[..., :3], channels, self.film)
 
+    @names_checked
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
         """Renders what is missing; calls `observe` in this thread, about ten times a second."""
+        self.lost = 0
         with ThreadPoolExecutor(1) as worker:
             for count in self._passes():
-                start = time.perf_counter()
-                task = worker.submit(self.accumulator.add, self.samples, count, self.threads)
+                start, before = time.perf_counter(), self.samples
+                task = worker.submit(self.accumulator.add, before, count, self.threads)
                 try:
                     while not wait([task], timeout=POLL_SECONDS).done:
-                        done = self.samples + self.accumulator.progress * count
+                        done = before + self.accumulator.progress * count
                         observe(Progress(done, self.spp, self.seconds + time.perf_counter() - start))
                 except BaseException:
                     self.accumulator.cancel()
                     if task.result():  # it had ended already, and the next pass would be cancelled instead
                         self.accumulator.add(self.samples, 1, self.threads)
+                    else:
+                        self.lost = count
                     raise
                 if not task.result():
                     raise RuntimeError("the rendering was cancelled")
@@ -92,6 +99,7 @@ class Rendering:
 
 def available_threads() -> int:
     """The number of processors that this process may use."""
+    ((_, most),) = LIMITS["threads"]
     if hasattr(os, "sched_getaffinity"):
-        return min(MAX_THREADS, len(os.sched_getaffinity(0)))
-    return min(MAX_THREADS, os.cpu_count() or 1)
+        return min(most, len(os.sched_getaffinity(0)))
+    return min(most, os.cpu_count() or 1)

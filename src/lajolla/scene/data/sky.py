@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from ..syntax.nodes import Array
 from .spectra import Y_INTEGRAL, integrate
@@ -96,7 +97,7 @@ BLOCK = 1 << 18  # pixels that are computed at a time
 
 def sky_map(
     sun: Array, turbidity: float, albedo: Array, width: int, *, stretch: float = 1, extend: bool = False
-) -> Array:
+) -> npt.NDArray[np.float32]:
     """The sky as an environment map whose +y is up.
 
     Args:
@@ -195,7 +196,7 @@ def preetham_sun(elevation: float, turbidity: float) -> Array:
     mass = 1 / (math.sin(elevation) + 0.15 * (3.885 + degrees) ** -1.253)  # relative optical mass
     dust = 0.04608365822050 * turbidity - 0.04586025928522
     ozone, gas, water = (
-        np.interp(wavelengths, *np.array(table).T, left=0, right=0)
+        np.interp(wavelengths, [at for at, _ in table], [value for _, value in table], left=0, right=0)
         for table in (OZONE, MIXED_GASES, WATER_VAPOUR)
     )
     optical_depth = (

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..description.substitutes import SUBSTITUTES
-from ..schema import Content, Plugin
 from .errors import Location, SceneError, Source, did_you_mean, nearest
 from .expand import LATEST
+from .foreign import is_mesh, plain
 from .literals import Text, checked_spectrum, parse_rgb
 from .nodes import KINDS, Node, Property, Reference, Rgb, Spectrum, SpectrumFile, Value, Vector
 from .resolve import MAX_NESTING
 from .typed import Tree
+
+Names: TypeAlias = Mapping[str, Collection[str]]  # of plugins in lower case, by kind
 
 # A dict inside several others is an object in each: so many may come of it, and so many more for each dict.
 MOST_REPEATED = 1 << 14
@@ -26,17 +27,21 @@ MOST_SAMPLES = 1 << 16  # of a spectrum
 LOSSY = ("roughconductor", "roughdielectric", "roughplastic")  # where microfacets shadow each other
 
 
-def nodes_from_dict(
-    scene: Mapping[str, Any], base_path: Path, table: Mapping[str, Mapping[str, Plugin]]
-) -> Tree:
+def nodes_from_dict(scene: Mapping[str, Any], base_path: Path, known: Names, replaced: Names) -> Tree:
     """The nodes of a scene dict. Every key of the root is the id of its object. Rough surfaces give back the
     light that bounces between microfacets unless they say otherwise.
+
+    Args:
+        scene: the dict.
+        base_path: the folder of files that it names.
+        known: the plugins that there are.
+        replaced: those that others stand in for.
 
     Raises:
         SceneError: no "type", an unknown one, or a value of a type that scenes do not have.
     """
     source = Source("scene", b"", base_path, LATEST)
-    reader = _DictReader(source, table)
+    reader = _DictReader(source, known, replaced)
     kind = scene.get("type") if isinstance(scene, Mapping) else None
     if not isinstance(kind, str) or kind != "scene":
         raise SceneError('the dict must have {"type": "scene"}', Location(source))
@@ -69,7 +74,8 @@ def _may_be_anisotropic(node: Node) -> bool:
 @dataclass
 class _DictReader:
     source: Source
-    table: Mapping[str, Mapping[str, Plugin]]
+    known: Names
+    replaced: Names
     tree: Tree | None = None
     met: set[int] = field(default_factory=set)  # dicts that are there, however often they are met
     meetings: int = 0
@@ -85,27 +91,31 @@ class _DictReader:
                 continue
             location = self.at([*path, key])
             value = self.value(entry, [*path, key])
+            if is_mesh(value) and node.plugin.lower() != "mesh":
+                value = self.mesh(value, [*path, key])
             node.properties.append(Property(key, value, location, location))
 
     def at(self, path: list[str]) -> Location:
         return Location(self.source, key=".".join(path))
 
-    def value(self, entry: Content, path: list[str]) -> Value:
+    def value(self, entry: object, path: list[str]) -> Value:
         """A node for a dict, and a typed value for anything else."""
         location = self.at(path)
         if isinstance(entry, Mapping):
             return self.typed(entry, path)
-        if isinstance(entry, bool | np.bool_):
-            return bool(entry)
-        if isinstance(entry, int | np.integer):
-            if abs(int(entry)) > sys.float_info.max:
-                raise SceneError("the number is too large", location)
-            return int(entry)
-        if isinstance(entry, float | np.floating):
-            return float(entry)
-        if isinstance(entry, str | Path):
-            return str(entry)
-        return _array_value(entry)
+        value = plain(entry, location)
+        if isinstance(value, int) and abs(value) > sys.float_info.max:
+            raise SceneError("the number is too large", location)
+        return value if isinstance(value, bool | int | float | str) else _array_value(value)
+
+    def mesh(self, mesh: object, path: list[str]) -> Node:
+        """A shape of a mesh that stands for itself in a dict."""
+        location = self.at(path)
+        prop = Property("mesh", mesh, location, location)
+        node = Node("shape", "mesh", location, location, path[0] if len(path) == 1 else "", [prop])
+        assert self.tree is not None
+        self.tree.nodes.append(node)
+        return node
 
     def typed(self, entry: Mapping[str, Any], path: list[str]) -> Value:
         """A colour, a reference, or an object, by its "type"."""
@@ -120,7 +130,7 @@ class _DictReader:
         if kind_of_value == "ref":
             return Reference(str(entry.get("id", "")))
         if kind_of_value in ("rgb", "srgb") and "value" in entry:
-            return _rgb(entry["value"], location, srgb=kind_of_value == "srgb")
+            return _rgb(_plain(entry["value"], location), location, srgb=kind_of_value == "srgb")
         if kind_of_value == "spectrum":
             return _spectrum(entry, location)
         name = str(entry.get("id", path[0] if len(path) == 1 else ""))
@@ -134,18 +144,23 @@ class _DictReader:
     def kind(self, plugin: str, key: str, location: Location) -> str:
         """The kind of object that a plugin name means; the key may be that of a kind ("integrator")."""
         name = plugin.lower()
-        kinds = [k for k in KINDS if name in self.table.get(k, {}) or name in SUBSTITUTES.get(k, {})]
+        kinds = [k for k in KINDS if name in self.known.get(k, ()) or name in self.replaced.get(k, ())]
         if key in KINDS and (not kinds or key in kinds):
             return key
         if kinds:
             return kinds[0]
-        known = [plugin for names in self.table.values() for plugin in names]
+        known = [plugin for names in self.known.values() for plugin in names]
         close = nearest(plugin, known)
         hint = did_you_mean(plugin, known) if close else ""
         raise SceneError(f'there is no plugin "{plugin}"{hint}', location)
 
 
-def _array_value(entry: Content) -> Value:
+def _plain(entry: object, location: Location) -> object:
+    """A value within a value; a dict is no mistake of another library's."""
+    return entry if isinstance(entry, Mapping) else plain(entry, location)
+
+
+def _array_value(entry: Any) -> Value:  # noqa: ANN401
     """Three numbers are a vector; other objects stay, for the field that takes them to judge."""
     if len_of(entry) != 3:
         return entry
@@ -156,7 +171,7 @@ def _array_value(entry: Content) -> Value:
     return Vector((x, y, z))
 
 
-def len_of(entry: Content) -> int:
+def len_of(entry: object) -> int:
     """The length of what may be a sequence of numbers, which is not looked at otherwise; 0 for others."""
     shape = getattr(entry, "shape", None)
     if isinstance(shape, tuple):
@@ -164,7 +179,7 @@ def len_of(entry: Content) -> int:
     return len(entry) if isinstance(entry, Sequence) and not isinstance(entry, str | bytes) else 0
 
 
-def _rgb(value: Content, location: Location, *, srgb: bool) -> Rgb:
+def _rgb(value: object, location: Location, *, srgb: bool) -> Rgb:
     try:
         text = (
             value
@@ -176,20 +191,20 @@ def _rgb(value: Content, location: Location, *, srgb: bool) -> Rgb:
     return parse_rgb(Text(text, location), srgb=srgb)
 
 
-def _small(value: Content) -> Content:
+def _small(value: object) -> object:
     if getattr(value, "size", 0) > 3:
         raise ValueError
     return value
 
 
 def _spectrum(entry: Mapping[str, Any], location: Location) -> Value:
-    if isinstance(entry.get("filename"), str):
-        return SpectrumFile(entry["filename"])
-    value = entry.get("value")
+    if "filename" in entry:
+        return SpectrumFile(str(_plain(entry["filename"], location)))
+    value: Any = _plain(entry.get("value", ""), location)
     try:
         if isinstance(value, int | float) and not isinstance(value, bool):
             return Spectrum((float(value),))
-        if np.shape(value)[1:] not in ((), (2,)) or len(value) > MOST_SAMPLES:
+        if value is None or np.shape(value)[1:] not in ((), (2,)) or len(value) > MOST_SAMPLES:
             raise ValueError
         samples = np.asarray(value, dtype=np.float64)
         wavelengths = samples[:, 0] if "wavelengths" not in entry else np.asarray(entry["wavelengths"], float)

@@ -1,6 +1,6 @@
 """The plugins that scene files know and the core does not, or not in that form."""
 
-from ...schema import Plugin
+from ..plugin import Plugin
 from . import (
     adapters,
     bsdfs,
