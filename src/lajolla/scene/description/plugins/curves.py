@@ -85,8 +85,11 @@ def _entry(
         context.diagnostics.warn(f"{node} shines: it is rendered as a mesh of tubes", node.location)
         placed = points.astype(float)
         matrix = np.asarray(values.get("to_world", np.eye(4)))
-        placed[:, :3] = placed[:, :3] @ matrix[:3, :3].T + matrix[:3, 3]
-        return {"type": "mesh", "mesh": _core.Mesh(*tube_arrays(placed, segments, basis))}
+        placed[:, :3] = placed[:, :3] @ matrix[:3, :3].T
+        to_world = np.eye(4)
+        to_world[:3, 3] = matrix[:3, 3]  # left to the core: float32 has no digits far from the origin
+        tubes = _core.Mesh(*tube_arrays(placed, segments, basis))
+        return {"type": "mesh", "mesh": tubes, "to_world": to_world}
     return {"type": "curves", "curves": _core.Curves(points, segments), "basis": basis, **values}
 
 
