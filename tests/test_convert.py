@@ -195,6 +195,15 @@ def converted(content: str, folder: Path) -> tuple[str, list[str]]:
     return text, sorted(told)
 
 
+@pytest.mark.parametrize("kind", ["normalmap", "bumpmap"])
+@pytest.mark.parametrize("name", ["", 'name="normalmap"', 'name="map"', 'name="of any name"'])
+def test_the_texture_of_a_map_may_have_any_name(tmp_path: Path, kind: str, name: str) -> None:
+    texture = f'<texture type="checkerboard" {name}/>'
+    text, told = converted(CAMERA + SPHERE % f'<bsdf type="{kind}">{texture}{RED}</bsdf>', tmp_path)
+    assert f'<texture name="{"map" if kind == "bumpmap" else kind}" type="checkerboard"' in text
+    assert told == ["the scene has no light and is black"]
+
+
 CAMERA = '<sensor type="perspective"><film type="hdrfilm"/></sensor>'
 SPHERE = '<shape type="sphere">%s</shape>'
 RED = '<bsdf type="diffuse"><rgb name="reflectance" value="0.5, 0, 0"/></bsdf>'

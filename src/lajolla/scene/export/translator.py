@@ -133,6 +133,7 @@ class Translator:
             for name, prop in named(node, fields)
             if name in fields or is_child(prop.value, plugin)
         }
+        values = values | self._values_of_children(node, plugin, fields)
         if getattr(node.find("multiscatter"), "value", False):
             self.lose("multiscatter")  # which no other renderer has
         used = [prop for prop in node.properties if id(prop) in meant and prop.name != "multiscatter"]
@@ -143,6 +144,14 @@ class Translator:
             if result.find(name) is None:
                 result = having(result, **{name: fields[name].default})
         return result
+
+    def _values_of_children(self, node: Node, plugin: Plugin, fields: Mapping[str, Field]) -> Values:
+        """Of textures that plugins convert themselves, as any name would do, but have that of a field."""
+        return {
+            prop.name: self.builder.convert(node, prop, fields[prop.name])
+            for prop, child in node.children("texture")
+            if prop.name in fields and is_child(child, plugin) and self.builder.texture(child) is not None
+        }
 
     def _values(self, node: Node, prop: Property, field: Field | None, values: Values) -> list[Value]:
         if isinstance(prop.value, Node) and prop.value.kind == "shape":
