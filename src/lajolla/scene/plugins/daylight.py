@@ -81,7 +81,7 @@ def _sky_light(
     most = WIDEST * map_height(WIDEST)
     if builder.sky_pixels > most:
         raise SceneError(f"the skies of the scene have more than {most:,} pixels", node.location)
-    pixels = sky_map(
+    pixels, end = sky_map(
         sun,
         values.get("turbidity", 3.0),
         np.array(values.get("albedo", (0.3,) * 3)),
@@ -90,7 +90,7 @@ def _sky_light(
         extend=values.get("extend", False),
     )
     image = builder.core.Image(pixels, srgb=False)
-    return [{"type": "envmap", "image": image, "scale": scale, "to_world": to_world}]
+    return [{"type": "envmap", "image": image, "theta_max": end, "scale": scale, "to_world": to_world}]
 
 
 def _sun_light(values: dict[str, Any], to_world: Array, sun: Array, scale: float) -> Entries:

@@ -91,7 +91,7 @@ PLUGINS = (
         (FILENAME,),
         _envmap,
         model="envmap",
-        hidden=("image",),
+        hidden=("image", "theta_max"),
     ),
     Plugin("emitter", "point", "", (PLACE,), _point, model="point"),
     Plugin("emitter", "directional", "", (PLACE,), _directional, model="directional"),
