@@ -27,7 +27,7 @@ from oracle import Estimate, default_variant  # noqa: E402
 from test_references import RGB_TO_XYZ, read_xyz, references  # noqa: E402
 
 from lajolla.render import Options, Scene  # noqa: E402
-from lajolla.scene import Description, export, load_description  # noqa: E402
+from lajolla.scene import Description, convert, load_description  # noqa: E402
 
 BATCHES = 16
 DEPTH = 8
@@ -80,7 +80,7 @@ def compare(path: Path, folder: Path, width: int, samples: int) -> Comparison:
     size = small_size(description, width)
     with tempfile.TemporaryDirectory() as made:
         target = Path(made) / "scene.xml"
-        result = export(path, target)
+        result = convert(path, target)
         for name, content in result.files.items():
             write(target.parent / name, content)
         target.write_text(adapted(result.text, integrator, size), encoding="utf-8")

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lajolla import _core
-from lajolla.scene.plugins.measured import measurement
+from lajolla.scene.description.plugins.measured import measurement
 
 Tensors = dict[str, np.ndarray]
 TYPES = {np.dtype(np.uint8): 1, np.dtype(np.float32): 10, np.dtype(np.float64): 11}

@@ -13,7 +13,8 @@ import pytest
 import lajolla
 from lajolla import cli, image
 from lajolla.arguments import for_each_sensor, parse
-from lajolla.scene import SceneError, cameras, load_description, sensor_names
+from lajolla.scene import SceneError, load_description, sensor_names
+from lajolla.scene.description import cameras
 
 FILM = '<film type="hdrfilm"><integer name="width" value="{}"/><integer name="height" value="3"/></film>'
 LEFT = f'<sensor type="perspective" id="left">{FILM.format(4)}</sensor>'

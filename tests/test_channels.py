@@ -27,7 +27,7 @@ from scipy import stats
 
 import lajolla
 from lajolla import _core
-from lajolla.scene.plugins.integrators import VARIABLES
+from lajolla.scene.description.plugins.integrators import VARIABLES
 
 # What the oracle knows, but for indices: it counts shapes, and the triangles of its own, in another order.
 AOVS = "d.y:depth, n:sh_normal,a:albedo,g:geo_normal,uv:uv,p:position,u:dp_du,v:dp_dv"

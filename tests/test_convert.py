@@ -12,7 +12,7 @@ from oracle import Setup, default_variant, differences, render_with_lajolla, ren
 
 from lajolla import _core, cli, image, load
 from lajolla.catalog import catalog
-from lajolla.scene import SceneError, export, load_description
+from lajolla.scene import SceneError, convert, load_description
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 SETUP = Setup(max_depth=8)
@@ -125,7 +125,7 @@ def test_every_scene_loads(shared_scenes: Path, tmp_path: Path, capsys: pytest.C
 
 
 def test_packed_meshes_are_the_same(old_scene: Path, tmp_path: Path) -> None:
-    result = export(old_scene, tmp_path / "new.xml", pack=True)
+    result = convert(old_scene, tmp_path / "new.xml", pack=True)
     meshes = {name: content for name, content in result.files.items() if name.endswith(".ply")}
     assert len(meshes) == 2 and "new-files/0.ply" in meshes  # the stretched sphere and the floor
     (tmp_path / "floor.ply").write_bytes(list(meshes.values())[-1])
@@ -184,7 +184,7 @@ def converted(content: str, folder: Path) -> tuple[str, list[str]]:
     """What becomes of a scene, which both renderers open, and the warnings of converting it."""
     path, target = folder / "scene.xml", folder / "new.xml"
     path.write_text(f'<scene version="3.0.0"><integrator type="volpath"/>{content}</scene>')
-    told = {warning.message for warning in export(path, target).warnings}
+    told = {warning.message for warning in convert(path, target).warnings}
     assert cli.main(["convert", str(path), str(target)]) == 0
     text = target.read_text()
     assert load_with_mitsuba(target) == "", text
@@ -403,7 +403,7 @@ def test_every_field_opens(kind: str, tmp_path: Path) -> None:
         path, target = tmp_path / "scene.xml", tmp_path / "new.xml"
         path.write_text(f'<scene version="3.0.0">{content}</scene>')
         try:
-            export(path, target)
+            convert(path, target)
         except SceneError:
             continue  # half of what belongs together
         assert cli.main(["convert", str(path), str(target)]) == 0
@@ -508,7 +508,7 @@ def test_coatings_stay_as_near_as_they_can(case: str, layer: str, tmp_path: Path
     path.write_text(
         f'<scene version="3.0.0"><integrator type="path"/>{view}<emitter type="constant"/>{shape}</scene>'
     )
-    told = " ".join(warning.message for warning in export(path, target).warnings)
+    told = " ".join(warning.message for warning in convert(path, target).warnings)
     assert f'Mitsuba 3 has no bsdf "{layer}"; ' in told
     assert cli.main(["convert", str(path), str(target)]) == 0
     mitsuba = pytest.importorskip("mitsuba")

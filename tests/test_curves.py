@@ -12,8 +12,8 @@ from scene_tools import Settings, make_scene, rotation, scaling, translation
 from statistics_tools import generator
 
 from lajolla import _core, _core_testing
-from lajolla.scene.curve_files import read_hair, straightened
-from lajolla.scene.default_camera import default_camera
+from lajolla.scene.description.default_camera import default_camera
+from lajolla.scene.formats.curves import read_hair, straightened
 
 Arrays = dict[str, np.ndarray]
 

@@ -10,7 +10,7 @@ from reader_tools import error_of, messages, read, write_scene
 
 from lajolla.cli import main
 from lajolla.scene import load_description
-from lajolla.scene.sky import Moment, hosek_sun, preetham_sun, sky_map, sun_angles
+from lajolla.scene.data.sky import Moment, hosek_sun, preetham_sun, sky_map, sun_angles
 
 ALBEDO = np.full(3, 0.3)
 LUMINANCE = np.array([0.212671, 0.715160, 0.072169])

@@ -17,7 +17,7 @@ import pytest
 import lajolla
 from lajolla import image
 from lajolla.scene import plugins_by_kind
-from lajolla.scene.voxels import vol_bytes
+from lajolla.scene.formats.voxels import vol_bytes
 
 NOTHING = object()
 EXTREMES = (0, -1, 1e-30, 3e38, -3e38, float("nan"), float("inf"), 2**31, 2**63)

@@ -21,8 +21,8 @@ import lajolla
 from lajolla import picture_files
 from lajolla.picture_files import Budget
 from lajolla.scene import SceneError, load_description
-from lajolla.scene.files import file_bytes
-from lajolla.scene.plugins import daylight
+from lajolla.scene.description.plugins import daylight
+from lajolla.scene.syntax.files import file_bytes
 
 SECONDS, MEMORY = 1.0, 200 * 10**6
 

@@ -9,8 +9,8 @@ import pytest
 
 from lajolla import image
 from lajolla.picture_files import Budget
-from lajolla.scene.errors import Location, Source
-from lajolla.scene.images import read_pixels
+from lajolla.scene.formats.images import read_pixels
+from lajolla.scene.syntax.errors import Location, Source
 
 
 @pytest.fixture

@@ -12,8 +12,9 @@ from statistics_tools import generator
 
 import lajolla
 from lajolla import _core, _core_testing
-from lajolla.scene import SceneError, describe, instances
-from lajolla.scene.default_camera import default_camera
+from lajolla.scene import SceneError, describe
+from lajolla.scene.description import instances
+from lajolla.scene.description.default_camera import default_camera
 
 EVEN = translation(3, -2, 1) @ rotation((1, 2, 3), 40) @ scaling(2.5)
 MIRRORED = translation(3, -2, 1) @ rotation((1, 2, 3), 40) @ scaling(-0.5, 0.5, 0.5)

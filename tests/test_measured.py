@@ -12,9 +12,9 @@ from scatter_tools import direction, known_directions, make_bsdf, seen_from
 from statistics_tools import check_consistency, check_density, check_energy, study
 
 from lajolla import _core, _core_testing
-from lajolla.scene.plugins.measured import measurement
-from lajolla.scene.spectra import integrate
-from lajolla.scene.tensor_files import TensorError, read_tensors
+from lajolla.scene.data.spectra import integrate
+from lajolla.scene.description.plugins.measured import measurement
+from lajolla.scene.formats.tensors import TensorError, read_tensors
 
 BODY = '<shape type="sphere"><bsdf type="measured"><string name="filename" value="a.bsdf"/></bsdf></shape>'
 KINDS = {"isotropic": (0, True), "all round": (1, True), "half": (2, False), "quarter": (4, True)}

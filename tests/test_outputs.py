@@ -11,8 +11,8 @@ import pytest
 from reader_tools import messages
 
 from lajolla import image
-from lajolla.scene import export, load_description
-from lajolla.scene.voxels import vol_bytes
+from lajolla.scene import convert, load_description
+from lajolla.scene.formats.voxels import vol_bytes
 
 NAME = os.fsdecode(b"caf\xe9")  # latin-1, which is not UTF-8
 PICTURE = np.full((2, 3, 3), 0.5, np.float32)
@@ -192,7 +192,7 @@ def test_files_that_xml_cannot_name_are_copied_once(tmp_path: Path) -> None:
     mesh = '<shape type="obj"><string name="filename" value="caf\xe9.obj"/></shape>'
     path = tmp_path / "scene.xml"
     path.write_text(f'<scene version="3.0.0"><sensor type="perspective"/>{ball}{ball}{mesh}</scene>', "utf-8")
-    assert [Path(name).suffix for name in export(path, tmp_path / "new.xml").files] == [".png", ".obj"]
-    packed = export(path, tmp_path / "new.xml", pack=True).files
+    assert [Path(name).suffix for name in convert(path, tmp_path / "new.xml").files] == [".png", ".obj"]
+    packed = convert(path, tmp_path / "new.xml", pack=True).files
     assert [Path(name).suffix for name in packed] == [".png", ".ply"]
     assert packed["new-files/0.png"] == (tmp_path / f"{NAME}.png").read_bytes()

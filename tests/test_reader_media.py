@@ -17,8 +17,8 @@ from test_voxels import NANOVDB, vol
 import lajolla
 from lajolla import _core, _core_testing
 from lajolla.scene import Description, SceneError, describe, load_description
-from lajolla.scene.inside import is_inside
-from lajolla.scene.materials import JENSEN, NARASIMHAN
+from lajolla.scene.data.materials import JENSEN, NARASIMHAN
+from lajolla.scene.description.inside import is_inside
 
 SHAPE = '<shape type="sphere"><medium name="interior" {}</medium></shape>'
 

@@ -9,7 +9,7 @@ from reader_tools import error, error_of, messages, read, write_scene
 
 import lajolla
 from lajolla import _core
-from lajolla.scene import SceneError, export
+from lajolla.scene import SceneError, convert
 
 SPHERE = '<shape type="sphere">{}</shape>'
 
@@ -371,7 +371,7 @@ def test_textures_where_a_model_takes_a_constant(plugin: str, name: str, tmp_pat
     assert f'"{name}" of bsdf "{plugin}" takes no texture; the default is used' in told[0]
     assert name not in description.core["bsdfs"][0]
     error_of(tmp_path, body.format("checkerboard"), strict=True)
-    assert "<texture" not in export(tmp_path / "scene.xml", tmp_path / "new.xml").text
+    assert "<texture" not in convert(tmp_path / "scene.xml", tmp_path / "new.xml").text
 
 
 @pytest.mark.parametrize(
@@ -390,7 +390,7 @@ def test_a_constant_texture_is_a_number(tmp_path: Path) -> None:
     texture = '<texture name="alpha" type="uniform"><float name="value" value="0.25"/></texture>'
     path = write_scene(tmp_path, SPHERE.format(f'<bsdf type="roughplastic">{texture}</bsdf>'))
     assert lajolla.scene.load_description(path, strict=True).core["bsdfs"][0]["alpha"] == 0.25
-    assert '<float name="alpha" value="0.25"' in export(path, tmp_path / "new.xml").text
+    assert '<float name="alpha" value="0.25"' in convert(path, tmp_path / "new.xml").text
 
 
 def test_other_plugins_properties_are_not_told_one_by_one(tmp_path: Path) -> None:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from reader_tools import read
 
-from lajolla.scene.cie import ILLUMINANT_D65, OBSERVER_1931
-from lajolla.scene.conductors import CONDUCTORS
-from lajolla.scene.ior import INDICES
+from lajolla.scene.data.cie import ILLUMINANT_D65, OBSERVER_1931
+from lajolla.scene.data.conductors import CONDUCTORS
+from lajolla.scene.data.ior import INDICES
 
 SPECTRA = (
     "400:0.343, 404:0.445, 408:0.551, 500:0.747, 600:0.74, 700:0.737",

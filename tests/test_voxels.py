@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from statistics_tools import generator
 
-from lajolla.scene.volume_files import read_voxels
-from lajolla.scene.voxels import VoxelError
+from lajolla.scene.formats.volumes import read_voxels
+from lajolla.scene.formats.voxels import VoxelError
 
 NANOVDB = Path(__file__).parent / "volumes" / "grids.nvdb"
 BOX = (-1.0, 0.0, 2.0, 3.0, 0.5, 2.25)

@@ -254,7 +254,7 @@ def command_convert(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{target} is the scene itself; name another file to write")
     lajolla.image.check_folder(target)
     parameters = dict(arguments.parameters)
-    result = lajolla.scene.export(
+    result = lajolla.scene.convert(
         arguments.scene, target, parameters=parameters, strict=arguments.strict, pack=arguments.pack
     )
     for warning in result.warnings:

@@ -12,7 +12,7 @@ from pathlib import Path
 from lajolla import _core
 from lajolla.render import OptionError, Scene
 from lajolla.scene import SceneError
-from lajolla.scene.files import file_bytes
+from lajolla.scene.syntax.files import file_bytes
 
 INCLUDE = re.compile(rb"""<include\s[^<>]*filename\s*=\s*["']([^"']*)""")
 PARAMETERS = re.compile(r"(?:\$\w+)+")

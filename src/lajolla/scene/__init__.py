@@ -1,9 +1,9 @@
 """Scene reader: text -> elements -> expand -> nodes -> upgrade -> resolve -> spread -> build.
 
-`elements` parses XML and keeps places; `expand` fills in parameters and includes; `typed` gives every value
-its type; `upgrade` turns old files into the words of Mitsuba 3; `resolve` follows references; `cameras` takes
-batches apart; `build`, `plugins` and `assemble` make the description that `_core.Scene` takes. A Python dict
-enters where nodes begin (`dict_reader`). The way out leaves before build: `mitsuba3` -> `write`.
+`syntax` parses XML and keeps places, fills in parameters and includes, gives every value its type, and
+follows references; `versions` turns old files into the words of Mitsuba 3; `description` makes what
+`_core.Scene` takes. `formats` are the files that scenes name, `data` what others measured. A Python dict
+enters where nodes begin (`syntax.dict_reader`). The way out leaves before the description is made: `export`.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from lajolla import _core
 from lajolla.film import Film
 from lajolla.picture_files import Budget
 
-from . import cameras
-from .assemble import assemble
-from .build import Builder, plugins_by_kind
-from .dict_reader import nodes_from_dict
-from .errors import Diagnostics, Location, SceneError, SceneWarning, Source, blamed_on, reason_of
-from .expand import expand_file
-from .images import Pixels
-from .plugins import READER_PLUGINS
-from .resolve import resolve
+from .description import cameras
+from .description.assemble import assemble
+from .description.builder import Builder, plugins_by_kind
+from .description.plugins import READER_PLUGINS
+from .formats.images import Pixels
 from .schema import core_schema
-from .typed import Tree, nodes_from_elements
-from .upgrade import upgrade
+from .syntax.dict_reader import nodes_from_dict
+from .syntax.errors import Diagnostics, Location, SceneError, SceneWarning, Source, blamed_on, reason_of
+from .syntax.expand import expand_file
+from .syntax.resolve import resolve
+from .syntax.typed import Tree, nodes_from_elements
+from .versions.upgrade import upgrade
 
 __all__ = [
     "Description",
     "Export",
     "SceneError",
     "SceneWarning",
+    "convert",
     "core_schema",
     "describe",
-    "export",
     "load_description",
     "plugins",
     "plugins_by_kind",
@@ -128,7 +128,7 @@ class Export:
     warnings: list[SceneWarning]
 
 
-def export(
+def convert(
     path: str | os.PathLike[str],
     target: str | os.PathLike[str],
     *,
@@ -148,8 +148,8 @@ def export(
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
     """
-    from .mitsuba3 import Translator  # the way out, which no render needs
-    from .write import scene_text
+    from .export.translator import Translator  # the way out, which no render needs
+    from .export.write import scene_text
 
     tree, builder = _read(Path(path), parameters, strict)
     description = _describe(tree, builder)

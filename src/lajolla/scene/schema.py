@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from lajolla import _core
 
 if TYPE_CHECKING:
-    from .build import Builder
-    from .nodes import Node
+    from .description.builder import Builder
+    from .syntax.nodes import Node
 
 # What descriptions and properties hold: numbers, strings, tuples, arrays, core objects, dicts of these.
 Content: TypeAlias = Any

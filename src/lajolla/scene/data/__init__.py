@@ -1,0 +1,1 @@
+"""What others measured or standardised: observers, metals, indices of refraction, media, skies."""

@@ -1,0 +1,99 @@
+"""Spectra to linear sRGB, as Mitsuba 3.9 does it in its `rgb` variants.
+
+A reflectance is seen under illuminant D65, an emission by itself. Either way one number stays that number in
+all three channels. Indices of refraction that come as a list of wavelengths are treated as reflectances
+without an upper bound.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..syntax.errors import Diagnostics, Location, SceneError
+from ..syntax.files import file_bytes
+from ..syntax.literals import Text, checked_spectrum, parse_floats
+from ..syntax.nodes import Array, Blackbody, Rgb, Spectrum
+from .cie import ILLUMINANT_D65, OBSERVER_1931, WAVELENGTHS
+
+# CIE XYZ to linear sRGB (IEC 61966-2-1).
+XYZ_TO_SRGB = np.array(
+    [[3.240479, -1.537150, -0.498535], [-0.969256, 1.875991, 0.041556], [0.055648, -0.204043, 1.057311]]
+)
+Y_INTEGRAL = 106.7502593994140625  # of the observer's y over the steps below
+D65_NORMALIZATION = 98.99741751876255  # makes illuminant D65 a luminance of one
+STEPS = 1000  # of the sum over wavelengths; the same as Mitsuba's, because its numbers are the goal
+
+# Planck's law: 2 h c^2 and h c / k (CODATA 2014).
+FIRST_RADIATION = 2 * 6.62607004e-34 * 2.99792458e8**2
+SECOND_RADIATION = 6.62607004e-34 * 2.99792458e8 / 1.38064852e-23
+
+
+def integrate(wavelengths: Array, values: Array, *, d65: bool) -> Array:
+    """The linear sRGB colour, perhaps out of gamut, of a spectrum: linear between samples, zero outside.
+
+    Args:
+        wavelengths: (N,) in nm, rising.
+        values: (N,).
+        d65: weight by illuminant D65, as for reflectances.
+
+    Returns:
+        (3,) red, green, blue.
+    """
+    at = np.linspace(WAVELENGTHS[0], WAVELENGTHS[-1], STEPS)
+    spectrum = np.interp(at, wavelengths, values, left=0.0, right=0.0)
+    if d65:
+        spectrum = spectrum * np.interp(at, WAVELENGTHS, ILLUMINANT_D65) / D65_NORMALIZATION
+    observer = np.stack([np.interp(at, WAVELENGTHS, column) for column in OBSERVER_1931.T])
+    xyz = observer @ spectrum * (WAVELENGTHS[-1] - WAVELENGTHS[0]) / (Y_INTEGRAL * STEPS)
+    return XYZ_TO_SRGB @ xyz
+
+
+def blackbody(emitted: Blackbody) -> Array:
+    """The colour of a black body, in W m^-2 sr^-1 nm^-1 weighted by the observer; (3,)."""
+    meters = WAVELENGTHS * 1e-9
+    with np.errstate(over="ignore"):
+        planck = (
+            1e-9 * FIRST_RADIATION / (meters**5 * np.expm1(SECOND_RADIATION / (meters * emitted.temperature)))
+        )
+    return np.maximum(integrate(WAVELENGTHS, planck * emitted.scale, d65=False), 0.0)
+
+
+def to_rgb(
+    value: Rgb | Spectrum | Blackbody, *, emission: bool, diagnostics: Diagnostics, location: Location
+) -> tuple[float, float, float]:
+    """Linear sRGB of any colour; negative values become zero, with a warning."""
+    if isinstance(value, Rgb):
+        rgb = np.array(value.values)
+    elif isinstance(value, Blackbody):
+        rgb = blackbody(value)
+    elif not value.wavelengths:
+        rgb = np.full(3, value.values[0])
+    else:
+        rgb = integrate(np.array(value.wavelengths), np.array(value.values), d65=not emission)
+    if np.any(rgb < 0):
+        shown = ", ".join(f"{v:.4g}" for v in rgb)
+        diagnostics.warn(f"the colour ({shown}) has a negative part, which becomes zero", location)
+    red, green, blue = (float(v) for v in np.maximum(rgb, 0.0))
+    return (red, green, blue)
+
+
+def read_spd(path: Path, location: Location) -> Spectrum:
+    """Reads an `.spd` file: a wavelength in nm and a value per line, `#` starts a comment.
+
+    Raises:
+        SceneError: the file cannot be read as that.
+    """
+    try:
+        text = file_bytes(path).decode()
+    except (OSError, UnicodeError):
+        raise SceneError(f'"{path}" cannot be read as a text file', location) from None
+    pairs = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if content := line.partition("#")[0].strip():
+            try:
+                pairs.append(parse_floats(Text(content, location), (2,)))
+            except SceneError:  # which quotes the file
+                raise SceneError(f'"{path}", line {number}: expected 2 numbers', location) from None
+    return checked_spectrum(tuple(p[0] for p in pairs), tuple(p[1] for p in pairs), location)

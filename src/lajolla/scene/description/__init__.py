@@ -1,0 +1,1 @@
+"""Nodes to the description that the core takes."""

@@ -1,0 +1,289 @@
+"""A resolved scene to a whole description: what goes where, and what is there when a scene says nothing."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ..schema import BLACK, Slot
+from ..syntax.errors import SceneError, did_you_mean
+from ..syntax.nodes import Node, Property, Rgb, below
+from . import cameras
+from .builder import Builder
+from .default_camera import default_camera
+from .inside import is_inside
+from .instances import add_instance, check_size
+from .mapping import warn_of_missing_coordinates
+from .outputs import description_of, repeated
+from .plugins.adapters import lets_light_through
+
+ENVIRONMENTS = ("envmap", "constant", "sky", "sunsky")
+NEVER_LIGHTS = ("sdfgrid",)
+WITHOUT_MEDIA = ("path", "direct")
+
+
+def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
+    """The description of a scene; see docs/architecture.md.
+
+    Raises:
+        SceneError: something cannot be built, or there is no sensor.
+    """
+    builder.places["scene"] = scene.location
+    for prop in scene.properties:
+        if not isinstance(prop.value, Node):
+            builder.diagnostics.unknown(f'a scene has no property "{prop.name}"', prop.name_location)
+    check_size(scene)
+    for _, node in scene.children("shape"):
+        _add_shape(builder, node)
+    _warn_of_unused_area_lights(builder, scene)
+    for _, node in scene.children("emitter"):
+        if node.plugin.lower() != "area":  # declared here for shapes that refer to it
+            _add_emitter(builder, node)
+    _warn_of_several_environments(builder, scene)
+    _warn_of_missing_attributes(builder)
+    warn_of_missing_coordinates(builder)
+    if not builder.emitters:
+        _add_missing_light(builder, scene)
+    sensor = cameras.chosen(builder, scene)
+    camera = _one(builder, sensor) if sensor else _missing_sensor(builder, scene)
+    sensor = sensor or _implied(scene, "sensor", "perspective")
+    inside = _only(builder, sensor, "medium")
+    if inside:
+        camera["medium"] = builder.index(inside)
+    film = _only(builder, sensor, "film") or _implied(sensor, "film", "hdrfilm")
+    size = _one(builder, film)
+    rfilter = _only(builder, film, "rfilter") or _implied(film, "rfilter", _default_filter(film))
+    output = _output(builder, _integrator(builder, scene))
+    _warn_of_unseen_media(builder, output["integrator"]["type"], camera, sensor)
+    return {
+        "textures": builder.textures,
+        "bsdfs": builder.bsdfs,
+        "adapters": builder.adapters,
+        "materials": builder.materials,
+        "emitters": builder.emitters,
+        "volumes": builder.volumes,
+        "phases": builder.phases,
+        "media": builder.media,
+        "shapes": builder.shapes,
+        "groups": builder.groups,
+        "instances": builder.instances,
+        "sensor": camera,
+        "film": size,
+        "rfilter": _one(builder, rfilter),
+        "sampler": _one(builder, _only(builder, sensor, "sampler") or _implied(sensor, "sampler", "sobol")),
+        **output,
+    }
+
+
+def _default_filter(film: Node) -> str:
+    return "box" if film.plugin.lower() == "mfilm" else "gaussian"
+
+
+def _output(builder: Builder, integrator: Node) -> dict[str, Any]:
+    """What is rendered: the picture's integrator, and channels beside it."""
+    builder.places["integrator"] = integrator.location
+    description = description_of(builder.picture(integrator), alpha=builder.film.has_alpha)
+    for index, _ in enumerate(description.get("other_integrators", ())):
+        builder.places[f"other_integrators[{index}]"] = integrator.location
+    labels = [channel["label"] for channel in description.get("channels", ())]
+    twice = repeated([*(name for name in builder.film.names if name != "A"), *labels])
+    if twice is not None:
+        raise SceneError(f'there are two channels "{twice}"', integrator.location)
+    return description
+
+
+def _only(builder: Builder, parent: Node, kind: str) -> Node | None:
+    """The one child of a kind; of several the first."""
+    found = parent.outermost(kind)
+    if len(found) > 1:
+        message = f"{parent.kind} has {len(found)} of kind {kind}; only this one counts"
+        builder.diagnostics.warn(message, found[0].location)
+    return found[0] if found else None
+
+
+def _one(builder: Builder, node: Node) -> dict[str, Any]:
+    """The entry of an object of which a scene has one."""
+    builder.places[node.kind] = node.location
+    entry = builder.construct(node)
+    if entry is None:
+        raise SceneError(f"{node} is not supported", node.plugin_location)
+    return entry
+
+
+def _implied(parent: Node, kind: str, plugin: str) -> Node:
+    return Node(kind, plugin, parent.location, parent.location)
+
+
+def _integrator(builder: Builder, scene: Node) -> Node:
+    """The scene's integrator, or the one asked for with the parameters in the file that it has too."""
+    node = _only(builder, scene, "integrator")
+    if builder.integrator is None:
+        return node or _default_integrator(builder, scene)
+    asked = _implied(scene, "integrator", builder.integrator)
+    plugin = builder.plugin(asked)
+    while node and plugin:
+        fields = {field.name for field in plugin.fields}
+        asked.properties += [prop for prop in node.properties if prop.name in fields]
+        node = next((child for _, child in node.children("integrator")), None)
+    return asked
+
+
+def _default_integrator(builder: Builder, scene: Node) -> Node:
+    """Direct light in files before 2.0; a path tracer, with a warning, in newer ones."""
+    if scene.version < (2, 0, 0):
+        return _implied(scene, "integrator", "direct")
+    builder.diagnostics.unknown('the scene has no integrator; "path" is used', scene.location)
+    return _implied(scene, "integrator", "path")
+
+
+def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
+    """In files before 2.0 a camera that sees everything; newer files must have one."""
+    cameras.tell_of_none(builder, scene)
+    return default_camera(builder.shapes, builder.groups, builder.instances)
+
+
+def _warn_of_unseen_media(builder: Builder, integrator: str, camera: dict[str, Any], sensor: Node) -> None:
+    """Media that the integrator ignores, and one that the camera stands in without a word about it."""
+    if not builder.media:
+        return
+    if integrator in WITHOUT_MEDIA:
+        message = f'the integrator "{integrator}" does not see the media of this scene; "volpath" does'
+        builder.diagnostics.warn(message, builder.places["integrator"])
+        return
+    if camera.get("medium", -1) >= 0 or camera["type"] == "orthographic":
+        return
+    eye = np.asarray(camera.get("to_world", np.eye(4)), float)[:3, 3]
+    for i, shape in enumerate(builder.shapes):
+        if shape.get("interior", -1) >= 0 and is_inside(shape, eye):
+            message = (
+                f"the camera stands in the medium of this shape, but {sensor} does not name it, so "
+                "camera rays start outside the medium; add it to the sensor"
+            )
+            builder.diagnostics.warn(message, builder.places[f"shapes[{i}]"])
+            return
+
+
+def _warn_of_missing_attributes(builder: Builder) -> None:
+    known = {name for shape in builder.shapes if "mesh" in shape for name in shape["mesh"].attributes}
+    for i, texture in enumerate(builder.textures):
+        name = texture.get("name", "vertex_color")
+        if texture["type"] == "mesh_attribute" and name not in known:
+            message = f'no mesh has the attribute "{name}"; it is black'
+            hint = did_you_mean(name, known)
+            builder.diagnostics.warn(message + hint, builder.places[f"textures[{i}]"])
+
+
+def _media(builder: Builder, shape: Node) -> dict[str, int]:
+    """The media on either side of a shape, by index."""
+    for prop, _ in shape.children("subsurface"):
+        builder.diagnostics.unknown("subsurface is not supported and left out", prop.location)
+    sides: dict[str, int] = {}
+    for prop, node in shape.children("medium"):
+        if prop.name in ("interior", "exterior"):
+            sides[prop.name] = builder.index(node)
+        else:
+            message = f'{node} of {shape} must be named "interior" or "exterior"; it is left out'
+            builder.diagnostics.unknown(message, prop.name_location)
+    return sides
+
+
+def _add_emitter(builder: Builder, node: Node) -> None:
+    entries = builder.construct(node)
+    for entry in entries if isinstance(entries, list) else [entries]:
+        if entry is not None:
+            builder.add("emitters", entry, node)
+
+
+def _warn_of_unused_area_lights(builder: Builder, scene: Node) -> None:
+    lights = [node for _, node in scene.children("emitter") if node.plugin.lower() == "area"]
+    used = set(below(shape for _, shape in scene.children("shape"))) if lights else set()
+    for node in lights:
+        if node not in used:
+            builder.diagnostics.warn(f"no shape refers to {node}; it does not shine", node.location)
+
+
+def _warn_of_several_environments(builder: Builder, scene: Node) -> None:
+    found = [n for _, n in scene.children("emitter") if n.plugin.lower() in ENVIRONMENTS]
+    if len(found) > 1 and scene.version >= (2, 0, 0):
+        builder.diagnostics.warn("several lights around the scene: they add up", found[1].location)
+
+
+def _add_missing_light(builder: Builder, scene: Node) -> None:
+    """In files before 2.0 sun and sky, as Mitsuba 0.6 adds them; newer ones are dark."""
+    if scene.version >= (2, 0, 0) or any(True for _ in scene.children("emitter")):
+        builder.diagnostics.warn("the scene has no light and is black", scene.location)
+        return
+    builder.diagnostics.warn("the scene has no light; sun and sky are added", scene.location)
+    angle = math.radians(-120)
+    turn = np.eye(4)
+    turn[0, [0, 2]] = math.cos(angle), math.sin(angle)
+    turn[2, [0, 2]] = -math.sin(angle), math.cos(angle)
+    node = _implied(scene, "emitter", "sunsky")
+    daylight = {"to_world": turn, "scale": 2.0, "extend": True, "sun_radius_scale": 15.0}
+    daylight |= {"up": "y", "sun_model": "preetham", "albedo": 0.2}
+    for name, value in daylight.items():
+        node.set_default(name, value)
+    scene.properties.append(Property("", node, scene.location, scene.location))
+    _add_emitter(builder, node)
+
+
+def _add_shape(builder: Builder, node: Node) -> list[int]:
+    """Adds what a shape is to the scene; the indices of shapes, none for what is no shape itself."""
+    entry = builder.construct(node)
+    if entry is None:
+        return []
+    if isinstance(entry, list):
+        return [_add_part(builder, node, part.entry, part.bsdf) for part in entry]
+    if entry["type"] == "shapegroup":
+        return []
+    if entry["type"] == "instance":
+        add_instance(builder, node, _add_shape)
+        return []
+    if entry["type"] == "merge":
+        return [index for _, child in node.children("shape") for index in _add_shape(builder, child)]
+    return [_add_part(builder, node, entry, _only(builder, node, "bsdf"))]
+
+
+def _add_part(builder: Builder, node: Node, entry: dict[str, Any], bsdf: Node | None) -> int:
+    """Adds one shape of the description, with its light, its media and its material."""
+    emitter = -1 if entry["type"] in NEVER_LIGHTS else _area_light(builder, node)
+    if entry["type"] in NEVER_LIGHTS and any(True for _ in node.children("emitter")):
+        builder.diagnostics.warn(f"{node} cannot be a light; it does not shine", node.location)
+    material = builder.add_material(_material(builder, node, bsdf, emits=emitter >= 0), node)
+    entry |= {"material": material, "emitter": emitter, **_media(builder, node)}
+    return builder.add("shapes", entry, node)
+
+
+def _area_light(builder: Builder, shape: Node) -> int:
+    """The index of a shape's light, -1 without one. Every shape has a light of its own."""
+    node = _only(builder, shape, "emitter")
+    if node is None:
+        return -1
+    if node.plugin.lower() != "area":
+        builder.diagnostics.unknown(f"{node} cannot stand inside a shape and is left out", node.location)
+        return -1
+    return builder.add("emitters", builder.construct(node), node)
+
+
+def _material(builder: Builder, shape: Node, bsdf: Node | None, *, emits: bool) -> Slot:
+    slot = builder.slot(bsdf) if bsdf else None
+    if slot is None:
+        slot = builder.slot(_default_bsdf(shape, emits=emits))
+    assert slot is not None
+    opaque = not lets_light_through(builder, slot.front)
+    if builder.two_sided and opaque and slot.back == BLACK:
+        return Slot(slot.front, slot.front)
+    return slot
+
+
+def _default_bsdf(shape: Node, *, emits: bool) -> Node:
+    """Black on lights; nothing around a medium in files before 2.0; else grey."""
+    location = shape.location
+    if emits:
+        black = Property("reflectance", Rgb((0.0, 0.0, 0.0)), location, location)
+        return Node("bsdf", "diffuse", location, location, properties=[black])
+    has_medium = any(True for _ in shape.children("medium"))
+    invisible = has_medium and shape.version < (2, 0, 0)
+    return Node("bsdf", "null" if invisible else "diffuse", location, location)

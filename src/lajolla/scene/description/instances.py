@@ -1,0 +1,174 @@
+"""Shape groups and their instances: nested groups become instances of their parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..schema import Field
+from ..syntax.errors import SceneError
+from ..syntax.nodes import Array, Node, Property
+from .builder import Builder
+from .values import convert
+
+# Groups in groups, and merged shapes that are merged again, can be more than all memory holds, however
+# small the file: so many objects may come of them, and so many more for each shape that the file has.
+MOST_REPEATED = 2**22
+MOST_PER_SHAPE = 64
+TO_WORLD = Field("to_world", "transform", "")
+
+AddShape = Callable[[Builder, Node], list[int]]
+
+
+@dataclass
+class Contents:
+    """What a shape group holds: placed groups of the description, and shapes that are lights."""
+
+    groups: list[tuple[Array, int]]
+    lights: list[tuple[Array, Node]]
+
+    def extend(self, matrix: Array, inner: Contents) -> None:
+        """Adds what a group inside this one holds."""
+        self.groups += [(matrix @ placed, group) for placed, group in inner.groups]
+        self.lights += [(matrix @ placed, light) for placed, light in inner.lights]
+
+
+def add_instance(builder: Builder, node: Node, add_shape: AddShape) -> None:
+    """Adds what an instance shows to the description.
+
+    Light sampling has no instances: shapes that are lights are added once for every place.
+
+    Raises:
+        SceneError: there is not one shape group in it.
+    """
+    group_node = group_of(builder, node)
+    contents = _contents(builder, group_node, add_shape)
+    matrix = placement(builder, node)
+    for placed, group in contents.groups:
+        builder.add("instances", {"group": group, "to_world": matrix @ placed}, node)
+    for placed, light in contents.lights:
+        _add_light(builder, light, matrix @ placed, add_shape)
+
+
+def group_of(builder: Builder, node: Node) -> Node:
+    groups = [child for _, child in node.children("shape")]
+    if not groups or any(group.plugin.lower() != "shapegroup" for group in groups):
+        raise SceneError(f'{node} needs a shape "shapegroup" inside, or a reference to one', node.location)
+    if len(groups) > 1:
+        builder.diagnostics.warn(f"{node} has more than one shape group; the first one counts", node.location)
+    return groups[0]
+
+
+def check_size(scene: Node) -> None:
+    """Counts what the shapes of a scene will be, instances and all, before any is made.
+
+    Raises:
+        SceneError: they are too many.
+    """
+    added: dict[Node, int] = {}
+    placed: dict[Node, int] = {}
+    total, largest, owner = 0, 0, scene
+    for _, node in scene.children("shape"):
+        count = _added(node, added, placed)
+        total += count
+        if count > largest:
+            largest, owner = count, node
+    limit = MOST_REPEATED + MOST_PER_SHAPE * (len(added) + len(placed))
+    if total > limit:
+        message = f"instances and merged shapes make {total:,} objects; the limit is {limit:,}"
+        raise SceneError(message, owner.location)
+
+
+def _added(node: Node, added: dict[Node, int], placed: dict[Node, int]) -> int:
+    """How many shapes and instances a shape becomes where it stands, with the members of a new group."""
+    if node not in added:
+        children = [child for _, child in node.children("shape")]
+        kind = node.plugin.lower()
+        if kind == "instance":
+            added[node] = sum(_placed(child, added, placed) for child in children)
+        elif kind in ("merge", "shapegroup"):
+            added[node] = sum(_added(child, added, placed) for child in children)
+        else:
+            added[node] = 1
+    return added[node]
+
+
+def _placed(group: Node, added: dict[Node, int], placed: dict[Node, int]) -> int:
+    """How many objects an instance of a group is: its own shapes are one."""
+    if group not in placed:
+        total = 1
+        for _, child in group.children("shape"):
+            if child.plugin.lower() == "instance":
+                total += sum(_placed(inner, added, placed) for _, inner in child.children("shape"))
+            elif child.plugin.lower() in ("shapegroup", "merge"):
+                total += _placed(child, added, placed)
+            else:
+                total += any(True for _ in child.children("emitter"))
+        placed[group] = total
+        _added(group, added, placed)
+    return placed[group]
+
+
+def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
+    """What a group holds; it is built once."""
+    if group not in builder.built:
+        builder.construct(group)  # tells what it has no use for
+        builder.built[group] = _build(builder, group, add_shape)
+    return builder.built[group]
+
+
+def _build(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
+    contents = Contents([], [])
+    members: list[int] = []
+    for child in members_of(group):
+        name = child.plugin.lower()
+        if name == "shapegroup":
+            contents.extend(np.eye(4), _contents(builder, child, add_shape))
+        elif name == "instance":
+            builder.construct(child)
+            inner = _contents(builder, group_of(builder, child), add_shape)
+            contents.extend(placement(builder, child), inner)
+        elif any(emitter.plugin.lower() == "area" for _, emitter in child.children("emitter")):
+            contents.lights.append((np.eye(4), child))
+        else:
+            members += add_shape(builder, child)
+    if members:
+        contents.groups.append((np.eye(4), builder.add("groups", {"shapes": members}, group)))
+    if not contents.groups and not contents.lights:
+        builder.diagnostics.warn(f"{group} is empty: nothing is seen of it", group.location)
+    return contents
+
+
+def members_of(group: Node) -> Iterator[Node]:
+    """The shapes of a group, and those that are merged in it."""
+    for _, child in group.children("shape"):
+        if child.plugin.lower() == "merge":
+            yield from members_of(child)
+        else:
+            yield child
+
+
+def placement(builder: Builder, node: Node) -> Array:
+    prop = node.find("to_world")
+    return np.eye(4) if prop is None else convert(builder, node, prop, TO_WORLD)
+
+
+def _add_light(builder: Builder, light: Node, matrix: Array, add_shape: AddShape) -> None:
+    """Adds a shape of a group as if it stood in the scene itself."""
+    place = light.property_location("to_world")
+    kept = light.without(["to_world"])
+    placed = Property("to_world", matrix @ placement(builder, light), place, place)
+    added = add_shape(builder, replace(light, properties=[*kept, placed]))
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        for index in added:
+            shape = builder.shapes[index]
+            if not keeps_sides(shape):
+                shape["flip_normals"] = not shape.get("flip_normals", False)
+
+
+def keeps_sides(shape: dict[str, Any]) -> bool:
+    """Whether a mirror leaves the sides as they are: it turns those that the order of vertices tells."""
+    return shape["type"] != "mesh" or not (shape["mesh"].normals is None or shape.get("face_normals"))

@@ -1,0 +1,53 @@
+"""Textures that meet shapes without texture coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ..schema import BLACK, Content
+from .builder import Builder
+
+MAPPED = ("bitmap", "checkerboard", "gridtexture")  # where on a texture a point is comes from its coordinates
+
+
+def warn_of_missing_coordinates(builder: Builder) -> None:
+    """Tells of every shape that has none, although a texture on it needs them."""
+    needing: dict[int, bool] = {}  # materials
+    for i, shape in enumerate(builder.shapes):
+        if shape["type"] != "sdfgrid" and not ("mesh" in shape and shape["mesh"].uvs is None):
+            continue
+        material, emitter = shape["material"], shape.get("emitter", BLACK)
+        if material not in needing:
+            needing[material] = any(_is_mapped(builder, part) for part in _parts(builder, material))
+        if needing[material] or (emitter >= 0 and _is_mapped(builder, builder.emitters[emitter])):
+            message = "there is a texture on a shape that has no texture coordinates"
+            builder.diagnostics.warn(message, builder.places[f"shapes[{i}]"])
+
+
+def _parts(builder: Builder, material: int) -> Iterator[dict[str, Any]]:
+    """The bsdfs and adapters of a material slot."""
+    waiting = [builder.materials[material][side] for side in ("front", "back")]
+    met: list[Content] = []
+    while waiting:
+        part = waiting.pop()
+        if part == BLACK or part in met:
+            continue
+        met.append(part)
+        if isinstance(part, dict):
+            entry = builder.adapters[part["adapter"]]
+            waiting += [entry[name] for name in ("first", "second", "child") if name in entry]
+            yield entry
+        else:
+            yield builder.bsdfs[part]
+
+
+def _is_mapped(builder: Builder, entry: dict[str, Any]) -> bool:
+    """Whether an entry of the description has a texture that needs coordinates, also within others."""
+    for value in entry.values():
+        if not isinstance(value, dict):
+            continue
+        texture = builder.textures[value["texture"]] if "texture" in value else value
+        if texture.get("type") in MAPPED or _is_mapped(builder, texture):
+            return True
+    return False

@@ -1,0 +1,232 @@
+"""Adapters: bsdfs that hold bsdfs. They become the tree of a material slot, in whatever way they nest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from ...schema import BLACK, AdapterId, Field, MaterialId, Plugin, Slot
+from ...syntax.errors import SceneError
+from ...syntax.literals import Text, parse_floats
+from ...syntax.nodes import Node
+from ..values import convert
+
+if TYPE_CHECKING:
+    from ..builder import Builder
+
+
+def lets_light_through(builder: Builder, material: MaterialId) -> bool:
+    """Whether any part of a material is seen from both sides."""
+    return any(builder.transmissive[bsdf] for bsdf in builder.bsdfs_of(material))
+
+
+def _inner(builder: Builder, node: Node, most: int, needed: str) -> list[Slot]:
+    """The slots of the bsdfs inside an adapter, of which it can hold so many."""
+    slots = [slot for _, child in node.children("bsdf") if (slot := builder.slot(child)) is not None]
+    if not slots:
+        raise SceneError(f"{node} needs {needed} inside", node.location)
+    if len(slots) > most:
+        first = "the first counts" if most == 1 else f"the first {most} count"
+        builder.diagnostics.warn(f"{node} has {len(slots)} bsdfs inside; {first}", node.location)
+    return slots[:most]
+
+
+def _two_sided(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+    slots = _inner(builder, node, 2, "one or two bsdfs")
+    front, back = slots[0], slots[-1]
+    if any(lets_light_through(builder, slot.front) for slot in slots):
+        builder.diagnostics.warn(
+            f"{node} cannot hold a bsdf that lets light through; it is used alone", node.location
+        )
+        return front
+    return Slot(front.front, back.front)
+
+
+def _mask(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+    inner = _inner(builder, node, 1, "a bsdf")[0]
+    if values.setdefault("opacity", 0.5) == 1:
+        return inner
+    return _around(builder, node, "mask", values, inner)
+
+
+def _filter(passing: float) -> Callable[[Builder, Node, dict[str, Any]], Slot]:
+    """Plates that act on polarisation: of unpolarised light they pass so much, straight on."""
+
+    def build(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+        clear, share = values.get("transmittance", (1.0, 1.0, 1.0)), 1.0
+        if isinstance(clear, dict):
+            share = passing
+        else:
+            clear = tuple(passing * c for c in clear)
+        pane = {"type": "thindielectric", "int_ior": 1.0, "ext_ior": 1.0, "specular_transmittance": clear}
+        plate: MaterialId = builder.add_once("bsdfs", pane, node)
+        if share < 1:
+            plate = builder.adapt(node, "blendbsdf", {"weight": share}, first=BLACK, second=plate)
+        return Slot(plate)
+
+    return build
+
+
+def _around(builder: Builder, node: Node, name: str, values: dict[str, Any], inner: Slot) -> Slot:
+    """A slot with an adapter on both sides."""
+    front = builder.adapt(node, name, values, child=inner.front)
+    back = BLACK if inner.back == BLACK else builder.adapt(node, name, values, child=inner.back)
+    return Slot(front, back)
+
+
+def _map(builder: Builder, node: Node, name: str, texture: str, values: dict[str, Any]) -> Slot:
+    """A bump or normal map: its texture has any name, or none."""
+    inner = _inner(builder, node, 1, "a bsdf")[0]
+    textures = [prop for prop, child in node.children("texture") if builder.texture(child) is not None]
+    if not textures and texture not in values:
+        builder.diagnostics.warn(f"{node} has no texture inside and changes nothing", node.location)
+        return inner
+    if len(textures) > 1:
+        builder.diagnostics.warn(f"{node} has more than one texture; the first counts", node.location)
+    if textures:
+        field = next(f for f in builder.table["bsdf"][name].fields if f.name == texture)
+        values[texture] = convert(builder, node, textures[0], field)
+    front = builder.adapt(node, name, values, child=inner.front)
+    if inner.back == BLACK:
+        return Slot(front)
+    # What stands out of the front is a hollow seen from behind.
+    mirrored = values | {"scale": -values.get("scale", 1.0)}
+    return Slot(front, builder.adapt(node, name, mirrored, child=inner.back))
+
+
+def _bump_map(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+    return _map(builder, node, "bumpmap", "map", values)
+
+
+def _normal_map(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+    return _map(builder, node, "normalmap", "normalmap", values)
+
+
+def _blend(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+    slots = _inner(builder, node, 2, "two bsdfs")
+    if len(slots) < 2:
+        raise SceneError(f"{node} needs two bsdfs inside", node.location)
+    return _mixed(builder, node, values, *slots)
+
+
+def _mixture(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+    """Of `mixturebsdf`, what the weights leave over is black."""
+    slots = _inner(builder, node, len(node.properties), "bsdfs")
+    text = Text(values.get("weights", ""), node.property_location("weights"))
+    weights = parse_floats(text, (len(text.text.replace(",", " ").split()),)) if text.text.strip() else ()
+    if len(weights) != len(slots):
+        message = f"{node} has {len(slots)} bsdfs inside and {len(weights)} weights"
+        raise SceneError(message, node.property_location("weights"))
+    total = sum(weights)
+    if min(weights) < 0 or not 0 < total < float("inf"):
+        raise SceneError("weights must be positive, not all zero", node.property_location("weights"))
+    if total > 1 + 1e-4:
+        builder.diagnostics.warn(
+            f"the weights of {node} sum to {total:g} and are scaled to 1", node.property_location("weights")
+        )
+    shares = [*zip(weights, slots, strict=True), (max(1 - total, 0.0), Slot(BLACK))]
+    rest, mixed = shares.pop()
+    while shares:
+        share, slot = shares.pop()
+        rest += share
+        if rest > 0 and share < rest:
+            mixed = _mixed(builder, node, {"weight": 1 - share / rest}, slot, mixed)
+        elif share > 0:
+            mixed = slot
+    return mixed
+
+
+def _mixed(builder: Builder, node: Node, values: dict[str, Any], first: Slot, second: Slot) -> Slot:
+    front = builder.adapt(node, "blendbsdf", values, first=first.front, second=second.front)
+    if first.back == second.back == BLACK:
+        return Slot(front)
+    backs = (_seen_from_behind(builder, slot) for slot in (first, second))
+    return Slot(front, builder.adapt(node, "blendbsdf", values, first=next(backs), second=next(backs)))
+
+
+def _seen_from_behind(builder: Builder, slot: Slot) -> MaterialId:
+    """What lets light through is seen from behind wherever it stands."""
+    return slot.front if slot.back == BLACK and lets_light_through(builder, slot.front) else slot.back
+
+
+def _coating(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+    """A layer around every bsdf inside: it goes through blends and masks, and under maps."""
+    inner = _inner(builder, node, 1, "a bsdf")[0]
+    clear = lets_light_through(builder, inner.front) or lets_light_through(builder, inner.back)
+    if clear:
+        message = f"{node} cannot hold a bsdf that lets light through; that stays without"
+        builder.diagnostics.warn(message, node.location)
+    made: dict[MaterialId, MaterialId] = {}
+    return Slot(*(_coated(builder, node, values, side, made) for side in (inner.front, inner.back)))
+
+
+def _rough_coating(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+    return _coating(builder, node, {"alpha": 0.1, **values})
+
+
+def _coated(
+    builder: Builder,
+    node: Node,
+    values: dict[str, Any],
+    material: MaterialId,
+    made: dict[MaterialId, MaterialId],
+) -> MaterialId:
+    if material in made or material == BLACK:
+        return made.get(material, BLACK)
+    if isinstance(material, AdapterId):
+        entry = dict(builder.adapters[material.index])
+        children = {name: entry.pop(name) for name in CHILDREN if name in entry}
+        coated = {
+            name: _coated(
+                builder,
+                node,
+                values,
+                AdapterId(child["adapter"]) if isinstance(child, dict) else child,
+                made,
+            )
+            for name, child in children.items()
+        }
+        made[material] = builder.adapt(node, entry.pop("type"), entry, **coated)
+        return made[material]
+    base = builder.bsdfs[material]
+    if builder.transmissive[material]:
+        return material
+    if base["type"] == "coating":
+        builder.diagnostics.warn(f"{node} around another coating is left out", node.location)
+        return material
+    made[material] = builder.add_once("bsdfs", {"type": "coating", "base": base, **values}, node)
+    return made[material]
+
+
+CLEAR = Field("transmittance", "texture_spectrum", "what is not absorbed", 1.0, 0.0, 1.0)
+THETA = Field("theta", "texture_float", "angle of the axis; no difference without polarisation", 0.0)
+HALF = "A {} polariser: half of the light passes."
+RETARDANCE = Field("delta", "texture_float", "retardance; no difference", 90.0, unit="degrees")
+POLARIZING = Field("polarizing", "boolean", "no difference", True)
+LEFT_HANDED = Field("left_handed", "boolean", "no difference", False)
+WEIGHTS = Field("weights", "string", "one share per bsdf inside; what they leave over is black")
+CHILD = ("child",)
+CHILDREN = ("first", "second", "child")
+
+PLUGINS = (
+    Plugin("bsdf", "twosided", "The same, or another, bsdf on the back.", (), _two_sided, ("bsdf",)),
+    Plugin("bsdf", "mask", "", (), _mask, ("bsdf",), "mask", CHILD),
+    Plugin("bsdf", "bumpmap", "", (), _bump_map, ("bsdf", "texture"), "bumpmap", CHILD),
+    Plugin("bsdf", "normalmap", "", (), _normal_map, ("bsdf", "texture"), "normalmap", (*CHILD, "scale")),
+    Plugin("bsdf", "blendbsdf", "", (), _blend, ("bsdf",), "blendbsdf", ("first", "second")),
+    Plugin("bsdf", "coating", "", (), _coating, ("bsdf",), "coating", ("base", "alpha", "distribution")),
+    Plugin(
+        "bsdf",
+        "roughcoating",
+        "A layer of dull varnish, clear or tinted, on another BSDF.",
+        (Field("alpha", "float", "roughness of the layer", 0.1, 0.0),),
+        _rough_coating,
+        ("bsdf",),
+        "coating",
+        ("base",),
+    ),
+    Plugin("bsdf", "polarizer", HALF.format("linear"), (CLEAR, THETA, POLARIZING), _filter(0.5)),
+    Plugin("bsdf", "circular", HALF.format("circular"), (CLEAR, LEFT_HANDED), _filter(0.5)),
+    Plugin("bsdf", "retarder", "A retarder plate: clear.", (CLEAR, THETA, RETARDANCE), _filter(1.0)),
+    Plugin("bsdf", "mixturebsdf", "A mixture of bsdfs.", (WEIGHTS,), _mixture, ("bsdf",)),
+)

@@ -1,0 +1,195 @@
+"""Sun and sky: an environment map and a distant disk to the core."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...data.sky import (
+    SUN_DIAMETER,
+    Moment,
+    hosek_sun,
+    luminance,
+    map_height,
+    preetham_sun,
+    sky_map,
+    sun_angles,
+)
+from ...schema import Field, Plugin
+from ...syntax.errors import SceneError
+from ...syntax.nodes import Array, Node, Rgb, Vector
+
+if TYPE_CHECKING:
+    from ..builder import Builder
+
+WIDEST = 8192  # sky; all together have as many pixels as one of these
+Entries = list[dict[str, Any]]
+
+# From an environment map's space, where +y is up, to that of a sky with +z up.
+Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+MOMENT = tuple(field.name for field in fields(Moment))
+
+
+def _sky(builder: Builder, node: Node, values: dict[str, Any]) -> Entries:
+    to_world, sun = _place(builder, node, values)
+    return [] if sun is None else _sky_light(builder, node, values, to_world, sun, values.get("scale", 1.0))
+
+
+def _sun(builder: Builder, node: Node, values: dict[str, Any]) -> Entries:
+    to_world, sun = _place(builder, node, values)
+    return [] if sun is None else _sun_light(values, to_world, sun, values.get("scale", 1.0))
+
+
+def _sun_and_sky(builder: Builder, node: Node, values: dict[str, Any]) -> Entries:
+    to_world, sun = _place(builder, node, values)
+    if sun is None:
+        return []
+    scale = values.get("scale", 1.0)
+    return [
+        *_sky_light(builder, node, values, to_world, sun, values.get("sky_scale", scale)),
+        *_sun_light(values, to_world, sun, values.get("sun_scale", scale)),
+    ]
+
+
+def _place(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[Array, Array | None]:
+    """The transform from the map's space to the world, and the map's direction of the sun; None at night."""
+    z_up = values.get("up", "z") == "z"
+    to_world = values.get("to_world", np.eye(4)) @ (Z_UP if z_up else np.eye(4))
+    if "sun_direction" in values:
+        if any(name in values for name in MOMENT):
+            builder.diagnostics.warn(
+                '"sun_direction" and a time are both given; the direction counts',
+                node.property_location("sun_direction"),
+            )
+        sun = np.linalg.pinv(to_world[:3, :3]) @ np.array(values["sun_direction"], float)
+        if not np.linalg.norm(sun) > 0:
+            raise SceneError(f"{node} has no direction to the sun", node.property_location("sun_direction"))
+        sun /= np.linalg.norm(sun)
+    else:
+        zenith, azimuth = sun_angles(Moment(**{name: values[name] for name in MOMENT if name in values}))
+        north = np.array([-1.0, 0, 0]) if z_up else np.array([0, 0, -1.0])
+        east = np.array([0, 0, 1.0]) if z_up else np.array([1.0, 0, 0])
+        around = math.cos(azimuth) * north + math.sin(azimuth) * east
+        sun = math.sin(zenith) * around + np.array([0, math.cos(zenith), 0])
+    if sun[1] < 0:
+        builder.diagnostics.warn("the sun is below the horizon, and there is no light of it", node.location)
+        return to_world, None
+    return to_world, sun
+
+
+def _sky_light(
+    builder: Builder, node: Node, values: dict[str, Any], to_world: Array, sun: Array, scale: float
+) -> Entries:
+    if scale == 0:
+        return []
+    width = values.get("resolution", 512)
+    builder.sky_pixels += width * map_height(width)
+    most = WIDEST * map_height(WIDEST)
+    if builder.sky_pixels > most:
+        raise SceneError(f"the skies of the scene have more than {most:,} pixels", node.location)
+    pixels, end = sky_map(
+        sun,
+        values.get("turbidity", 3.0),
+        np.array(values.get("albedo", (0.3,) * 3)),
+        width,
+        stretch=values.get("stretch", 1.0),
+        extend=values.get("extend", False),
+    )
+    image = builder.core.Image(pixels, srgb=False)
+    return [{"type": "envmap", "image": image, "theta_max": end, "scale": scale, "to_world": to_world}]
+
+
+def _sun_light(values: dict[str, Any], to_world: Array, sun: Array, scale: float) -> Entries:
+    """The flux of the true sun, whatever the size of its disk."""
+    model = preetham_sun if values.get("sun_model") == "preetham" else hosek_sun
+    elevation, turbidity = math.asin(min(1.0, float(sun[1]))), values.get("turbidity", 3.0)
+    solid_angle = 2 * math.pi * (1 - math.cos(math.radians(SUN_DIAMETER / 2)))
+    flux = model(elevation, turbidity) * solid_angle * scale
+    if not flux.any():
+        return []
+    drawn = min(math.pi / 2 - elevation, math.pi) * values.get("stretch", 1.0)  # the zenith angle shown
+    level = np.array([sun[0], 0, sun[2]])
+    length = np.linalg.norm(level)
+    side = level / length if length > 0 else level
+    towards = to_world[:3, :3] @ (math.sin(drawn) * side + np.array([0, math.cos(drawn), 0]))
+    direction = tuple(float(-v) for v in towards)
+    angle = min(_diameter(values), 179.0)
+    if angle < 0.01:  # as good as parallel
+        return [{"type": "directional", "direction": direction, "irradiance": tuple(map(float, flux))}]
+    # Light from the rim arrives at a slant: the mean cosine over the disk.
+    irradiance = flux * (1 + math.cos(math.radians(angle / 2))) / 2
+    return [
+        {
+            "type": "distantdisk",
+            "direction": direction,
+            "irradiance": tuple(map(float, irradiance)),
+            "angle": angle,
+        }
+    ]
+
+
+def in_words_of_mitsuba3(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any] | None:
+    """The properties of a `sunsky` of Mitsuba 3 that shines alike; None at night."""
+    to_world, sun = _place(builder, node, values)
+    if sun is None:
+        return None
+    turbidity, scale, elevation = values.get("turbidity", 3.0), values.get("scale", 1.0), math.asin(sun[1])
+    sun_scale, sky_scale = (values.get(name, scale) for name in ("sun_scale", "sky_scale"))
+    if values.get("sun_model") == "preetham":
+        old, new = (luminance(model(elevation, turbidity)) for model in (preetham_sun, hosek_sun))
+        sun_scale *= old / new if new > 0 else 0.0
+    return {
+        "to_world": to_world @ np.linalg.inv(Z_UP),
+        "sun_direction": Vector(tuple(float(v) for v in to_world[:3, :3] @ sun)),
+        "turbidity": turbidity,
+        "albedo": Rgb(tuple(values.get("albedo", (0.3,) * 3))),
+        "sun_scale": 0.0 if node.plugin == "sky" else sun_scale,
+        "sky_scale": 0.0 if node.plugin == "sun" else sky_scale,
+        "sun_aperture": min(max(_diameter(values), 0.01), 179.0),
+    }
+
+
+def _diameter(values: dict[str, Any]) -> float:
+    return values.get("sun_aperture", SUN_DIAMETER) * values.get("sun_radius_scale", 1.0)
+
+
+COMMON = (
+    Field("to_world", "transform", "orientation in the scene"),
+    Field("turbidity", "float", "haze: 2 is an arctic day, 10 a humid one", 3.0, 1.0, 10.0),
+    Field("sun_direction", "vector", "towards the sun, in the scene; otherwise its place is that of a time"),
+    Field("year", "integer", "of the date", 2010, 1, 9999),
+    Field("month", "integer", "of the date", 7, 1, 12),
+    Field("day", "integer", "of the date", 10, 1, 31),
+    Field("hour", "float", "on the clock", 15.0, 0.0, 24.0),
+    Field("minute", "float", "on the clock", 0.0, 0.0, 60.0),
+    Field("second", "float", "on the clock", 0.0, 0.0, 60.0),
+    Field("latitude", "float", "north of the equator", 35.6894, -90.0, 90.0, "degrees"),
+    Field("longitude", "float", "east of Greenwich", 139.6917, -360.0, 360.0, "degrees"),
+    Field("timezone", "float", "by which the clock is ahead of universal time", 9.0, -24.0, 24.0, "hours"),
+    Field("stretch", "float", "draws the sky below the horizon: 1 not at all, 2 all the way", 1.0, 1.0, 2.0),
+    Field("scale", "float", "factor on the light", 1.0, 0.0),
+    Field("up", "choice", "the axis towards the zenith, before to_world", "z", choices=("y", "z")),
+)
+SKY = (
+    Field("albedo", "spectrum", "of the ground", 0.3, 0.0, 1.0),
+    Field("resolution", "integer", "width of the image of the sky", 512, 4, WIDEST, "pixels"),
+    Field("extend", "boolean", "the sky goes on below the horizon", False),
+)
+SUN = (
+    Field("sun_aperture", "float", "angle of the sun's diameter", SUN_DIAMETER, 0.0, 179.0, "degrees"),
+    Field("sun_radius_scale", "float", "factor on the sun's size, not on its light", 1.0, 0.0, 1e4),
+    Field("sun_model", "choice", "who measured the sun", "hosek", choices=("hosek", "preetham")),
+)
+SCALES = (
+    Field("sun_scale", "float", "factor on the sun, instead of scale", 1.0, 0.0),
+    Field("sky_scale", "float", "factor on the sky, instead of scale", 1.0, 0.0),
+)
+
+PLUGINS = (
+    Plugin("emitter", "sky", "A clear sky, without the sun.", (*COMMON, *SKY), _sky),
+    Plugin("emitter", "sun", "The sun, without the sky.", (*COMMON, *SUN), _sun),
+    Plugin("emitter", "sunsky", "Sun and sky.", (*COMMON, *SKY, *SUN, *SCALES), _sun_and_sky),
+)

@@ -1,0 +1,153 @@
+"""Media and phase functions: coefficients in all their spellings, and materials by name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...data.materials import MATERIALS
+from ...schema import Field, Plugin
+from ...syntax.errors import SceneError, did_you_mean
+from ...syntax.nodes import Node
+from .volumes import placement_of
+
+if TYPE_CHECKING:
+    from ..builder import Builder
+
+Rgb = tuple[float, ...]
+
+
+def _homogeneous(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    """Homogeneous, unless the albedo or the particles' area differ from place to place."""
+    if values.keys() & {"sigma_a", "sigma_s"} and values.keys() & {"sigma_t", "albedo"}:
+        message = f'{node} takes "sigma_a" and "sigma_s", or "sigma_t" and "albedo", not both'
+        raise SceneError(message, node.location)
+    for name in ("sigma_a", "sigma_s", "sigma_t"):
+        if isinstance(values.get(name), dict):
+            message = f'"{name}" of {node} must be the same everywhere; "heterogeneous" takes a grid'
+            raise SceneError(message, node.property_location(name))
+    scale, material = values.pop("scale", 1.0), values.pop("material", "")
+    volume = values.pop("albedo") if isinstance(values.get("albedo"), dict) else None
+    sigma_a, sigma_s = _coefficients(node, values, material)
+    if volume is None and not _varies(builder, values.get("phase", -1)):
+        sigma_a, sigma_s = (tuple(scale * v for v in sigma) for sigma in (sigma_a, sigma_s))
+        return {"type": "homogeneous", "sigma_a": sigma_a, "sigma_s": sigma_s, **values}
+    sigma_t, albedo = _extinction(sigma_a, sigma_s)
+    albedo = albedo if volume is None else volume
+    return {"type": "heterogeneous", "sigma_t": sigma_t, "albedo": albedo, "scale": scale, **values}
+
+
+def _coefficients(node: Node, values: dict[str, Any], material: str) -> tuple[Rgb, Rgb]:
+    """Absorption and scattering: as given, by extinction and albedo, or what a material has."""
+    given = {name: values.pop(name) for name in ("sigma_a", "sigma_s", "sigma_t", "albedo") if name in values}
+    direct = "sigma_a" in given or "sigma_s" in given
+    if material:
+        sigma_s, sigma_a = _named_material(node, material)
+    elif direct:
+        sigma_a = sigma_s = (0.0, 0.0, 0.0)
+    else:
+        sigma_a, sigma_s = (0.25,) * 3, (0.75,) * 3
+    if direct:
+        return given.get("sigma_a", sigma_a), given.get("sigma_s", sigma_s)
+    total, known = _extinction(sigma_a, sigma_s)
+    sigma_t, albedo = given.get("sigma_t", total), given.get("albedo", known)
+    scattering = tuple(a * t for a, t in zip(albedo, sigma_t, strict=True))
+    return tuple(t - s for t, s in zip(sigma_t, scattering, strict=True)), scattering
+
+
+def _extinction(sigma_a: Rgb, sigma_s: Rgb) -> tuple[Rgb, Rgb]:
+    """Extinction and albedo."""
+    sigma_t = tuple(a + s for a, s in zip(sigma_a, sigma_s, strict=True))
+    return sigma_t, tuple(s / t if t else 0.0 for s, t in zip(sigma_s, sigma_t, strict=True))
+
+
+def _named_material(node: Node, name: str) -> tuple[Rgb, Rgb]:
+    by_lower = {known.lower(): pair for known, pair in MATERIALS.items()}
+    if name.lower() not in by_lower:
+        hint = did_you_mean(name, MATERIALS)
+        raise SceneError(f'no medium is called "{name}"{hint}', node.property_location("material"))
+    return by_lower[name.lower()]
+
+
+def _varies(builder: Builder, phase: int) -> bool:
+    """Whether a phase function has particles whose area differs from place to place."""
+    if phase < 0:
+        return False
+    entry = builder.phases[phase]
+    if entry["type"] == "blendphase":
+        parts = [builder.phases[i] for i in (entry["phase_0"], entry["phase_1"]) if i >= 0]
+        if isinstance(entry.get("weight"), dict) and any(part["type"] == "sggx" for part in parts):
+            return True
+        return any(_varies(builder, entry[name]) for name in ("phase_0", "phase_1"))
+    return entry["type"] == "sggx" and isinstance(entry.get("S"), dict)
+
+
+def _heterogeneous(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    density = values.pop("density", None)
+    if density is not None:
+        if "sigma_t" in values:
+            raise SceneError(f'{node} takes "sigma_t" or "density", not both', node.location)
+        values["sigma_t"] = density
+    extinction = values.get("sigma_t", (1.0, 1.0, 1.0))
+    if not isinstance(extinction, dict) and node.version >= (2, 0, 0):
+        values["sigma_t"] = _boxed(builder, node, extinction)
+    return {"type": "heterogeneous", **values}
+
+
+def _boxed(builder: Builder, medium: Node, extinction: Rgb) -> dict[str, int]:
+    """A constant extinction as a volume: since version 2, it has a box as a grid does, and ends there."""
+    prop = medium.find("sigma_t") or medium.find("density")
+    volume = prop.value if prop and isinstance(prop.value, Node) else None
+    grid = builder.core.Grid(np.array(extinction, np.float32).reshape(1, 1, 1, 3))
+    entry = {"type": "gridvolume", "grid": grid, "to_world": placement_of(builder, volume)}
+    return {"volume": builder.add("volumes", entry, volume or medium)}
+
+
+def _hg(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    if isinstance(values.get("g"), dict):
+        builder.tell_texture(node, "g")
+        del values["g"]
+    return {"type": "hg", **values}
+
+
+def _blend(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    if "phase_0" not in values or "phase_1" not in values:
+        raise SceneError(f"{node} needs two phase functions inside", node.location)
+    if sum(_count_parts(builder, values[name]) for name in ("phase_0", "phase_1")) > MAX_PARTS:
+        raise SceneError(f"{node} mixes more than four phase functions", node.location)
+    return {"type": "blendphase", **values}
+
+
+def _count_parts(builder: Builder, phase: int) -> int:
+    """Of how many phase functions one is mixed; those that stand in the list have few."""
+    entry = builder.phases[phase] if phase >= 0 else {"type": "isotropic"}
+    if entry["type"] != "blendphase":
+        return 1
+    return sum(_count_parts(builder, entry[name]) for name in ("phase_0", "phase_1"))
+
+
+def _coefficient(name: str, doc: str) -> Field:
+    return Field(name, "volume_spectrum", doc, None, 0.0, unit="1/length")
+
+
+MAX_PARTS = 4  # of a mixture, which the core puts side by side
+
+ALBEDO = Field("albedo", "volume_spectrum", "fraction of the extinction that is scattering", 0.75, 0.0, 1.0)
+COEFFICIENTS = (
+    _coefficient("sigma_a", "absorption; with sigma_s"),
+    _coefficient("sigma_s", "scattering; with sigma_a"),
+    Field("sigma_t", "volume_spectrum", "extinction; with albedo", 1.0, 0.0, unit="1/length"),
+    ALBEDO,
+    Field("scale", "float", "multiplies the coefficients", 1.0, 0.0),
+    Field("material", "string", "name of a measured medium, for what is not given", ""),
+)
+DENSITY = Field("density", "volume_spectrum", "the same as sigma_t", None, 0.0, unit="1/length")
+G = Field("g", "texture_float", "mean cosine of the deflection; of a colour the mean", 0.8, -0.999, 0.999)
+
+PLUGINS = (
+    Plugin("medium", "homogeneous", "", COEFFICIENTS, _homogeneous, model="homogeneous"),
+    Plugin("medium", "heterogeneous", "", (DENSITY,), _heterogeneous, model="heterogeneous"),
+    Plugin("phase", "hg", "", (G,), _hg, model="hg"),
+    Plugin("phase", "blendphase", "", (), _blend, model="blendphase"),
+)

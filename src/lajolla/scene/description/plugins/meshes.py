@@ -1,0 +1,174 @@
+"""Triangle meshes from files; an OBJ file may become one shape for each of its materials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...formats.mtl import materials_of
+from ...schema import CHILDREN, Content, Field, Part, Plugin
+from ...syntax.errors import Location, SceneError
+from ...syntax.nodes import Array, Node
+from ...versions.upgrade import snake_case
+
+if TYPE_CHECKING:
+    from ..builder import Builder
+
+Entry = dict[str, Any]
+LOADING = ("flip_tex_coords", "max_smooth_angle", "shape_index", "srgb")
+
+
+def _file_shape(loader: str) -> Callable[[Builder, Node, Entry], Entry | list[Part]]:
+    """A builder for meshes that the core reads by `_core.<loader>(path, ...)`."""
+
+    def build(builder: Builder, node: Node, values: Entry) -> Entry | list[Part]:
+        values.pop("filename", None)
+        collapse, load_materials = values.pop("collapse", False), values.pop("load_materials", False)
+        options = {k: values.pop(k) for k in LOADING if k in values}
+        options.setdefault("flip_tex_coords", loader == "load_obj")
+        path, location = builder.find(node)
+        key = (loader, path.resolve(), *sorted(options.items()))
+        mesh = _cached(builder, key, lambda: _load(builder, loader, path, options, location))
+        if mesh.face_normals:
+            values["face_normals"] = True
+        key, mesh = _with_normals(builder, key, mesh, values)
+        parts = [] if collapse else _parts(builder, node, mesh, path, load_materials=load_materials)
+        if not parts:
+            return {"type": "mesh", "mesh": mesh, **values}
+        return [
+            Part({"type": "mesh", "mesh": _part(builder, key, mesh, first, count), **values}, bsdf)
+            for first, count, bsdf in parts
+        ]
+
+    return build
+
+
+def _cached(builder: Builder, key: tuple[Any, ...], make: Callable[[], Content]) -> Content:
+    if key not in builder.files:
+        builder.files[key] = make()
+    return builder.files[key]
+
+
+def _load(builder: Builder, loader: str, path: Path, options: Entry, location: Location) -> Content:
+    load = getattr(builder.core, loader)
+    index = [options["shape_index"]] if "shape_index" in options else []
+    encoding = {"srgb_colors": options["srgb"]} if "srgb" in options else {}
+    try:
+        mesh = load(str(path), *index, flip_uvs=options["flip_tex_coords"], **encoding)
+    except builder.core.MeshError as problem:
+        raise SceneError(f'"{path}": {problem}', location) from None
+    return mesh.with_smooth_normals(options["max_smooth_angle"]) if "max_smooth_angle" in options else mesh
+
+
+def _with_normals(
+    builder: Builder, key: tuple[Any, ...], mesh: Content, values: Entry
+) -> tuple[tuple[Any, ...], Content]:
+    """The mesh with normals at its vertices, which Mitsuba makes where a file has none.
+
+    They are weighted by angles in world space, so that a stretched mesh has its own.
+    """
+    if mesh.normals is not None or values.get("face_normals"):
+        return key, mesh
+    matrix = np.asarray(values.get("to_world", np.eye(4)), float)
+    if _is_even(matrix):
+        matrix = np.eye(4)
+    key = (*key, "normals", matrix.tobytes())
+    return key, _cached(builder, key, lambda: mesh.with_vertex_normals(matrix.tolist()))
+
+
+def _is_even(matrix: Array) -> bool:
+    """Whether angles and orientation stay."""
+    gram = matrix[:3, :3].T @ matrix[:3, :3]
+    size = np.trace(gram) / 3
+    return bool(np.all(np.abs(gram - size * np.eye(3)) <= 1e-5 * size) and np.linalg.det(matrix[:3, :3]) > 0)
+
+
+def _part(builder: Builder, key: tuple[Any, ...], mesh: Content, first: int, count: int) -> Content:
+    return _cached(builder, (*key, "part", first), lambda: mesh.part(first, count))
+
+
+def _parts(
+    builder: Builder, node: Node, mesh: Content, path: Path, *, load_materials: bool
+) -> list[tuple[int, int, Node | None]]:
+    """First face, number of faces and bsdf of each part; none where there is one material only."""
+    bsdfs = _bsdfs(node, {name for name, _, _ in mesh.groups})
+    if not mesh.groups or not (load_materials or len(bsdfs) > 1):
+        return []
+    library: dict[str, Node] = {}
+    if load_materials and all(name for name, _ in bsdfs):
+        location = node.property_location("filename")
+        names = list(mesh.material_libraries)
+        key = ("materials", path.resolve(), *names)
+        library = _cached(builder, key, lambda: materials_of(names, path, location, builder.diagnostics))
+    parts = [(first, count, _bsdf_of(name, bsdfs, library)) for name, first, count in mesh.groups]
+    own = {bsdf for _, bsdf in bsdfs}
+    whole = len({bsdf for _, _, bsdf in parts}) == 1 and len(own) <= 1 and own <= {parts[0][2]}
+    return [] if whole and not library else parts
+
+
+def _bsdfs(node: Node, materials: set[str]) -> list[tuple[str, Node]]:
+    """The bsdfs of a shape, each with the material of the file that it is for; "" where it is for all.
+
+    It is for one where it is the property of that name, or, among several, where that is its id.
+    """
+    children = list(node.children("bsdf"))
+    by_name = {snake_case(name): name for name in materials} | {name: name for name in materials}
+    return [
+        (by_name.get(prop.name) or (bsdf.id if len(children) > 1 and bsdf.id in materials else ""), bsdf)
+        for prop, bsdf in children
+    ]
+
+
+def _bsdf_of(material: str, bsdfs: list[tuple[str, Node]], library: dict[str, Node]) -> Node | None:
+    """What a material of the file looks like: later bsdfs win, also those for all."""
+    result = library.get(material)
+    for name, bsdf in bsdfs:
+        if name in ("", material):
+            result = bsdf
+    return result
+
+
+FILENAME = Field("filename", "string", "the mesh")
+FLIP_V = "count v from the top"
+SMOOTH = Field(
+    "max_smooth_angle",
+    "float",
+    "make vertex normals; edges sharper than this stay sharp",
+    None,
+    0.0,
+    180.0,
+    "degrees",
+)
+SRGB = Field("srgb", "boolean", "integers that are colours are encoded (on before version 2)", False)
+INDEX = Field("shape_index", "integer", "which mesh of the file", 0, 0, 2**31 - 1)
+OBJ = (
+    Field(
+        "shape_index", "integer", 'which run of faces between "g" and "usemtl"; -1: all', -1, -1, 2**31 - 1
+    ),
+    Field("collapse", "boolean", "one shape, whatever materials the file names", False),
+    Field("load_materials", "boolean", "use the file's material library (on before version 2)", False),
+)
+
+
+def _file_plugin(name: str, doc: str, flip: bool, *fields: Field) -> Plugin:
+    own = (FILENAME, Field("flip_tex_coords", "boolean", FLIP_V, flip), SMOOTH, *fields)
+    return Plugin(
+        "shape",
+        name,
+        doc,
+        own,
+        _file_shape(f"load_{name}"),
+        CHILDREN["shape"],
+        model="mesh",
+        hidden=("mesh",),
+    )
+
+
+PLUGINS = (
+    _file_plugin("obj", "Triangles from a Wavefront OBJ file.", True, *OBJ),
+    _file_plugin("ply", "Triangles from a PLY file, ascii or binary.", False, SRGB),
+    _file_plugin("serialized", "Triangles from Mitsuba's compressed format.", False, INDEX),
+)

@@ -1,0 +1,127 @@
+"""Shapes that are meshes to the core, and those that hold other shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...schema import CHILDREN, Field, Plugin
+from ...syntax.nodes import Array, Node
+from .tessellate import MeshArrays, cube_arrays, cylinder_arrays, frame_around, sphere_arrays
+
+if TYPE_CHECKING:
+    from ..builder import Builder
+
+Build = Callable[["Builder", Node, dict[str, Any]], dict[str, Any]]
+
+
+def _cube(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    if ("cube",) not in builder.files:
+        builder.files["cube",] = builder.core.Mesh(*cube_arrays())
+    return {"type": "mesh", "mesh": builder.files["cube",], **values}
+
+
+def _round_shape(name: str, arrays: Callable[[dict[str, Any]], MeshArrays]) -> Build:
+    """A builder for shapes that the core knows only when `to_world` scales alike in all directions."""
+
+    def build(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+        if name == "sphere" and _mirrors(values) and node.version >= (2, 0, 0):
+            values["flip_normals"] = not values.get("flip_normals", False)  # as in Mitsuba 3
+        if name == "cylinder":
+            values = _evened_cylinder(values)
+        if _is_similarity(values.get("to_world", np.eye(4))):
+            return {"type": name, **values}
+        builder.diagnostics.warn(f"a stretched {name} is rendered as a mesh of fine triangles", node.location)
+        placed = {k: values[k] for k in ("to_world", "flip_normals") if k in values}
+        return {"type": "mesh", "mesh": builder.core.Mesh(*arrays(values)), **placed}
+
+    return build
+
+
+def _evened_cylinder(values: dict[str, Any]) -> dict[str, Any]:
+    """The same cylinder with other ends and radius, where `to_world` scales alike across its axis.
+
+    What is left of `to_world` turns the cylinder's own frame, so that texture coordinates stay.
+    """
+    matrix = np.asarray(values.get("to_world", np.eye(4)), float)
+    p0 = np.asarray(values.get("p0", (0, 0, 0)), float)
+    axis = np.asarray(values.get("p1", (0, 0, 1)), float) - p0
+    length = float(np.linalg.norm(axis))
+    if length == 0:
+        return values
+    n = axis / length
+    own = np.stack([*frame_around(n), n])  # rows
+    placed = matrix[:3, :3] @ own.T
+    scales = np.linalg.norm(placed, axis=0)
+    if np.any(scales == 0) or abs(scales[0] - scales[1]) > 1e-4 * scales[0]:
+        return values
+    turned = placed / scales
+    if np.max(np.abs(turned.T @ turned - np.eye(3))) > 1e-4:
+        return values
+    to_world = np.eye(4)
+    to_world[:3, :3], to_world[:3, 3] = turned @ own, matrix[:3, :3] @ p0 + matrix[:3, 3]
+    end = tuple(float(v) for v in n * length * scales[2])
+    radius = float(values.get("radius", 1.0) * scales[0])
+    return {**values, "p0": (0.0, 0.0, 0.0), "p1": end, "radius": radius, "to_world": to_world}
+
+
+def _mirrors(values: dict[str, Any]) -> bool:
+    return bool(np.linalg.det(np.asarray(values.get("to_world", np.eye(4)))[:3, :3]) < 0)
+
+
+def _grouping(name: str) -> Build:
+    """A builder for what is no shape itself; `instances.py` makes of it what it shows."""
+    return lambda builder, node, values: {"type": name, **values}
+
+
+def _is_similarity(matrix: Array) -> bool:
+    gram = matrix[:3, :3].T @ matrix[:3, :3]
+    size = np.trace(gram) / 3
+    return bool(np.all(np.abs(gram - size * np.eye(3)) <= 1e-4 * size))
+
+
+IN_SHAPES = CHILDREN["shape"]
+TO_WORLD = Field("to_world", "transform", "placement in the scene", np.eye(4).tolist())
+
+PLUGINS = (
+    Plugin(
+        "shape",
+        "shapegroup",
+        "Shapes that are seen through instances only.",
+        (),
+        _grouping("shapegroup"),
+        ("shape",),
+    ),
+    Plugin(
+        "shape",
+        "instance",
+        "A placed copy of a shapegroup.",
+        (TO_WORLD,),
+        _grouping("instance"),
+        ("shape",),
+    ),
+    Plugin("shape", "merge", "The shapes inside.", (), _grouping("merge"), ("shape",)),
+    Plugin(
+        "shape", "cube", "The cube from (-1, -1, -1) to (1, 1, 1).", (), _cube, IN_SHAPES, "mesh", ("mesh",)
+    ),
+    Plugin(
+        "shape",
+        "sphere",
+        "A true sphere; one that to_world stretches becomes a fine mesh.",
+        (),
+        _round_shape("sphere", sphere_arrays),
+        IN_SHAPES,
+        "sphere",
+    ),
+    Plugin(
+        "shape",
+        "cylinder",
+        "An open tube around the axis from p0 to p1.",
+        (),
+        _round_shape("cylinder", cylinder_arrays),
+        IN_SHAPES,
+        "cylinder",
+    ),
+)

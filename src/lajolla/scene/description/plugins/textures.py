@@ -1,0 +1,139 @@
+"""Textures from image files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...formats.images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
+from ...schema import Content, Field, Plugin
+from ...syntax.errors import SceneError
+from ...syntax.nodes import Node
+from ..values import convert
+
+if TYPE_CHECKING:
+    from ..builder import Builder
+
+
+def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    values.pop("filename", None)
+    raw, gamma = values.pop("raw", False), values.pop("gamma", -1.0)
+    channel, data = values.pop("channel", ""), values.pop("data", None)
+    encoded = not (raw or gamma == 1 or is_alpha(channel))
+    if data is not None:
+        pixels, is_integer = _from_array(node, data, channel)
+        image = _image(builder, pixels, gamma, encoded=encoded and is_integer)
+    else:
+        path, location = builder.find(node)
+        key = ("texture", path.resolve(), raw, gamma, channel)
+        if key not in builder.files:
+            builder.reading(path, location)
+            decoded = FLOAT_RGB if gamma > 0 and gamma != 1 else 0
+            pixels = read_pixels(path, location, builder.pictures, channel, pixel=decoded)
+            builder.files[key] = _image(builder, pixels, gamma, encoded=encoded and is_integer_file(path))
+        image = builder.files[key]
+    return {"type": "bitmap", "image": image, **values}
+
+
+def is_alpha(channel: str) -> bool:
+    """Whether a channel is coverage, which no file encodes as it does colours."""
+    return channel.lower() == "a"
+
+
+def _image(builder: Builder, pixels: Pixels, gamma: float, *, encoded: bool) -> Content:
+    """An image of the core. What is encoded is sRGB, or follows a power law where `gamma` > 0."""
+    if pixels.dtype == np.uint8 and not (encoded and gamma > 0):
+        return builder.core.Image(pixels, srgb=encoded)
+    if encoded:
+        pixels = decode(pixels, gamma)
+    return builder.core.Image(pixels, srgb=False)
+
+
+def decode(pixels: Pixels, gamma: float = -1.0) -> Pixels:
+    """Linear float32 values of encoded ones; sRGB where `gamma` is not above zero."""
+    v = np.asarray(pixels, np.float32) / (255 if pixels.dtype == np.uint8 else 1)
+    if gamma > 0:
+        return np.power(v, gamma, dtype=np.float32)
+    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+CHANNELS = {1: "y", 2: "ya", 3: "rgb", 4: "rgba"}  # of an array, by their number
+
+
+def _from_array(node: Node, data: Content, channel: str) -> tuple[Pixels, bool]:
+    """The pixels of an array as if it were a file of its type, and whether they are integers."""
+    try:
+        array = np.asarray(data)
+        array = array[:, :, None] if array.ndim == 2 else array
+        if array.ndim != 3 or array.shape[2] not in CHANNELS or 0 in array.shape:
+            raise SceneError(f'"data" of {node} must have the shape (height, width, 1 to 4)', node.location)
+        is_integer = array.dtype in (np.uint8, np.uint16)
+        if array.dtype == np.uint16:
+            array = array.astype(np.float32) * np.float32(1 / 65535)  # as OpenImageIO does it
+        elif array.dtype not in (np.uint8, np.float16, np.float32):
+            array = array.astype(np.float32)
+    except (TypeError, ValueError):
+        raise SceneError(f'"data" of {node} is not an array', node.location) from None
+    names = CHANNELS[array.shape[2]]
+    if channel and (len(channel) != 1 or channel.lower() not in names):
+        raise SceneError(
+            f'"data" of {node} has no channel "{channel}", only {", ".join(names)}', node.location
+        )
+    wanted = [names.index(name) for name in channel.lower() or names if channel or name != "a"]
+    return np.ascontiguousarray(array[:, :, wanted]), is_integer
+
+
+def _scale(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
+    """The texture inside may have any name, or be a colour called `value`."""
+    fields = {"scale": FACTOR, "texture": SCALED}
+    for prop, child in node.children("texture"):
+        name = "scale" if prop.name == "scale" else "texture"
+        if builder.texture(child) is not None:  # else it was left out
+            values[name] = convert(builder, node, prop, fields[name])
+    values.setdefault("texture", values.pop("value", None))
+    if values["texture"] is None:
+        if any(True for _ in node.children("texture")):
+            return None
+        raise SceneError(f"{node} needs a texture inside", node.location)
+    return {"type": "scale", **values}
+
+
+def _vertex_colors(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
+    return {"type": "mesh_attribute", "name": "vertex_color"}
+
+
+SCALED = Field("texture", "texture_spectrum", "what is scaled; may have any name")
+FACTOR = Field("scale", "texture_spectrum", "the factor", 1.0)
+SCALED_COLOR = Field("value", "spectrum", "a colour in place of the texture")
+
+PLUGINS = (
+    Plugin(
+        "texture",
+        "scale",
+        "",
+        (SCALED, FACTOR, SCALED_COLOR),
+        _scale,
+        ("texture",),
+        "scale",
+        ("texture", "scale"),
+    ),
+    Plugin("texture", "vertexcolors", "The colours of a mesh's vertices.", (), _vertex_colors),
+    Plugin(
+        "texture",
+        "bitmap",
+        "An image. Integers are taken as sRGB, floating-point numbers as linear.",
+        (
+            Field("filename", "string", "any format that OpenImageIO reads"),
+            Field("raw", "boolean", "values are not colours: take them as they are", False),
+            Field("gamma", "float", "exponent of the encoding; 1 is linear, -1 is sRGB", -1.0),
+            Field("channel", "string", "use one channel only: r, g, b or a", ""),
+            Field(
+                "data", "image", "from Python: an array (height, width, 1 to 4), read as a file of its type"
+            ),
+        ),
+        _bitmap,
+        model="bitmap",
+        hidden=("image",),
+    ),
+)

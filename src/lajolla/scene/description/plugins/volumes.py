@@ -1,0 +1,153 @@
+"""Volumes: constants, and grids from files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...data.spectra import blackbody
+from ...formats.volumes import read_voxels
+from ...formats.voxels import VoxelError, Voxels, box_transform
+from ...schema import Content, Field, Plugin
+from ...syntax.errors import Location, SceneError
+from ...syntax.nodes import Array, Blackbody, Node
+from ..values import convert
+
+if TYPE_CHECKING:
+    from ..builder import Builder
+
+KEPT = (np.uint8, np.float16, np.float32)
+
+
+def _constant(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
+    return values.get("value", (1.0, 1.0, 1.0))
+
+
+def placement_of(builder: Builder, volume: Node | None) -> Array:
+    """Where the box of a constant volume is, which may stand inside of another volume."""
+    while volume is not None:
+        prop = volume.find("to_world")
+        if prop is not None:
+            return convert(builder, volume, prop, TO_WORLD)
+        volume = next((child for _, child in volume.children("volume")), None)
+    return np.eye(4)
+
+
+def _grid_volume(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    voxels, location = load_voxels(builder, node, values)
+    return _entry(builder, node, values, voxels, _finite(builder, voxels.values, location))
+
+
+def _blackbody_volume(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+    """Planck's law at every voxel; temperatures between the voxels are not looked at again."""
+    scale = values.pop("scale", 1.0)
+    factor, offset = values.pop("temperature_scale", 1.0), values.pop("temperature_offset", 0.0)
+    values.setdefault("grid_name", "temperature")
+    voxels, location = load_voxels(builder, node, values)
+    kelvin = factor * _finite(builder, voxels.values, location).astype(np.float32)[..., :1] + offset
+    top = max(float(kelvin.max()), 1.0)
+    if top > MAX_KELVIN:
+        raise SceneError(f"a temperature of {top:.4g} K is too high", location)
+    colours = np.stack([blackbody(Blackbody(max(t, 1.0), scale)) for t in np.linspace(0, top, STEPS)])
+    steps = np.linspace(0, top, STEPS)
+    emitted = [np.interp(kelvin[..., 0], steps, column).astype(np.float32) for column in colours.T]
+    return _entry(builder, node, values, voxels, np.stack(emitted, axis=-1))
+
+
+def load_voxels(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[Voxels, Location]:
+    """The voxels of a file, or of an array from Python, and what to blame for them."""
+    arrays = [values.pop(name) for name in ("data", "grid") if name in values]
+    grid_name = values.pop("grid_name", "density")
+    if arrays:
+        if "filename" in values:
+            message = f"{node} takes a file or an array, not both"
+            raise SceneError(message, node.property_location("filename"))
+        return Voxels(_from_array(node, arrays[0]), np.eye(4)), node.location
+    values.pop("filename", None)
+    path, location = builder.find(node)
+    key = ("volume", path.resolve(), grid_name)
+    if key not in builder.files:
+        builder.reading(path, location)
+        try:
+            builder.files[key] = read_voxels(path, grid_name)
+        except VoxelError as problem:
+            raise SceneError(f'"{path}" cannot be used as a volume: {problem}', location) from None
+    values.setdefault("use_grid_bbox", path.suffix.lower() in (".nvdb", ".vdb"))
+    return builder.files[key], location
+
+
+def _entry(
+    builder: Builder, node: Node, values: dict[str, Any], voxels: Voxels, array: npt.NDArray[np.generic]
+) -> dict[str, Any]:
+    box = voxels.box if values.pop("use_grid_bbox", False) else np.eye(4)
+    corners = [values.pop(name, None) for name in ("min", "max")]
+    if None not in corners:
+        try:
+            box = box_transform(*(np.asarray(corner, float) for corner in corners))
+        except VoxelError as problem:
+            raise SceneError(f"{node}: {problem}", node.location) from None
+    to_world: Array = values.pop("to_world", np.eye(4)) @ box
+    return {"type": "gridvolume", "grid": builder.core.Grid(array), "to_world": to_world, **values}
+
+
+def _finite(builder: Builder, array: npt.NDArray[np.generic], location: Location) -> npt.NDArray[np.generic]:
+    if array.dtype != np.uint8 and not np.all(np.isfinite(array)):
+        builder.diagnostics.warn("the volume has voxels that are not finite; they are zero", location)
+        array = np.where(np.isfinite(array), array, 0).astype(array.dtype)
+    return np.ascontiguousarray(array)
+
+
+def _from_array(node: Node, data: Content) -> npt.NDArray[np.generic]:
+    try:
+        array = np.asarray(data)
+        array = array[..., None] if array.ndim == 3 else array
+        if array.ndim != 4 or array.shape[3] not in (1, 3, 6) or 0 in array.shape:
+            message = f'"data" of {node} must have the shape (depth, height, width[, 1, 3 or 6])'
+            raise SceneError(message, node.location)
+        return array if array.dtype in KEPT else array.astype(np.float32)
+    except (TypeError, ValueError):
+        raise SceneError(f'"data" of {node} is not an array', node.location) from None
+
+
+def _unsupported(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
+    raise SceneError(f'{node} is not supported; its data must become one "gridvolume"', node.plugin_location)
+
+
+MAX_KELVIN = 1e6
+STEPS = 1024  # of the table of colours over temperatures
+
+FILE = (
+    Field("filename", "string", "a .vol, .nvdb or .vdb file"),
+    Field("grid_name", "string", "which grid of a .nvdb or .vdb file", "density"),
+    Field("use_grid_bbox", "boolean", "the box that the file tells, not the unit cube (.vol: off)", False),
+    Field("min", "vector", "with max: the box to fill, instead of the unit cube"),
+    Field("max", "vector", "with min"),
+    Field("data", "grid", "from Python: an array (depth, height, width[, 1, 3 or 6]) instead of a file"),
+    Field("grid", "grid", "from Python: the same"),
+)
+VALUE = Field("value", "spectrum", "the value everywhere", (1.0, 1.0, 1.0))
+TO_WORLD = Field(
+    "to_world", "transform", "places the unit cube, in which there is a medium of this extinction"
+)
+TEMPERATURE = (
+    Field("scale", "float", "multiplies the radiance", 1.0, 0.0),
+    Field("temperature_scale", "float", "kelvin per unit of the grid", 1.0, unit="K"),
+    Field("temperature_offset", "float", "added to the temperature", 0.0, unit="K"),
+)
+
+PLUGINS = (
+    Plugin("volume", "constvolume", "The same value everywhere.", (VALUE, TO_WORLD), _constant),
+    Plugin("volume", "gridvolume", "", FILE, _grid_volume, model="gridvolume", hidden=("grid",)),
+    Plugin(
+        "volume",
+        "blackbodyvolume",
+        "A grid of temperatures, as the radiance of black bodies.",
+        (*FILE, *TEMPERATURE),
+        _blackbody_volume,
+        model="gridvolume",
+        hidden=("grid",),
+    ),
+    Plugin("volume", "hgridvolume", "Grids within a grid; not supported.", (), _unsupported),
+)

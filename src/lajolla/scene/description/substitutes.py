@@ -1,0 +1,100 @@
+"""What stands in for plugins that the renderer does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from ..syntax.errors import nearest
+from ..syntax.nodes import Node, Property, Value
+
+DROPPED = "<dropped>"
+NESTED = "<nested>"  # the first child of the same kind
+
+# Plugin names of Mitsuba 0.4 to 3 and of lajolla, in lower case, with the nearest in effect. Where there is a
+# plugin of that name, its row is not asked.
+SUBSTITUTES = {
+    "bsdf": {
+        "hk": "diffuse",
+        "irawan": "diffuse",
+        "linear": "polarizer",
+        "measured_polarized": "diffuse",
+        "pplastic": "roughplastic",
+        "roughconductorggx": "roughconductor",
+        "roughdielectricggx": "roughdielectric",
+    },
+    "integrator": {
+        "adaptive": NESTED,
+        "irrcache": NESTED,
+        "stokes": NESTED,
+        "direct_projective": "direct",
+        "prbvolpath": "volpath",
+    },
+    "sensor": {"batch": NESTED},  # those of a scene are taken apart before
+    "emitter": {"timed_sunsky": "sunsky"},
+    "film": {"specfilm": "hdrfilm"},
+    "sampler": {"independent": "independent"},
+    "phase": {"kkay": "isotropic", "microflake": "isotropic", "mixturephase": NESTED},
+    "volume": {"volcache": NESTED, "grid": "gridvolume", "const": "constvolume"},
+    "shape": {"mesh": DROPPED, "ellipsoids": DROPPED, "ellipsoidsmesh": DROPPED, "deformable": DROPPED},
+}
+
+# For names that are nowhere, when none that is known looks alike.
+OTHERWISE = {
+    "bsdf": "diffuse",
+    "texture": DROPPED,
+    "integrator": "path",
+    "sampler": "sobol",
+    "film": "hdrfilm",
+    "rfilter": "gaussian",
+    "sensor": "perspective",
+    "phase": "isotropic",
+    "volume": "constvolume",
+}
+
+
+def misspelt(node: Node, available: Iterable[str]) -> str | None:
+    """The name that an unknown one is taken for; integrators and samplers have names that only look alike."""
+    if not node.plugin or node.kind in ("integrator", "sampler"):
+        return None
+    return nearest(node.plugin, [*available, *SUBSTITUTES.get(node.kind, {})])
+
+
+def substitute_for(node: Node, available: Iterable[str], nested: Node | None) -> str:
+    """The name of an available plugin to use for an unknown one, or DROPPED, or NESTED if there is one."""
+    rows = SUBSTITUTES.get(node.kind, {})
+    default = OTHERWISE.get(node.kind, DROPPED)
+    names = set(available)
+    name = rows.get(node.plugin.lower()) or misspelt(node, names) or (NESTED if nested else default)
+    name = rows.get(name, name)
+    if name is NESTED and nested is not None:
+        return "merge" if node.kind == "shape" else NESTED
+    if name is DROPPED or name in names:
+        return name
+    return default if default in names else DROPPED
+
+
+def in_words_of_substitute(node: Node) -> list[Property]:
+    """The properties of a plugin that has a substitute, under the names that they have there."""
+    plugin = node.plugin.lower()
+    if plugin.startswith("prb"):
+        return _with_default(node.properties, "max_depth", 6, node)
+    if plugin not in ("roughconductorggx", "roughdielectricggx"):
+        return node.properties
+    properties = node.without(["scattering_order_max"])  # how often light bounces between microfacets
+    isotropic = plugin == "roughconductorggx" or node.find("alpha_u") is None
+    if isotropic and getattr(node.find("scattering_order_max"), "value", None) != 1:
+        properties = _with_default(properties, "multiscatter", True, node)
+    colour = node.find("R0")  # of the metal, seen head-on
+    if colour is None:
+        return properties
+    metal = ("R0", "material", "eta", "k", "ext_eta", "specular_reflectance")
+    kept = [prop for prop in properties if prop.name not in metal]
+    kept.append(replace(colour, name="specular_reflectance"))
+    return _with_default(kept, "material", "none", node)
+
+
+def _with_default(properties: list[Property], name: str, value: Value, node: Node) -> list[Property]:
+    if any(prop.name == name for prop in properties):
+        return properties
+    return [*properties, Property(name, value, node.plugin_location, node.plugin_location)]

@@ -1,0 +1,309 @@
+"""One property to the value that the core takes for a field."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from ..data.ior import index_of_refraction
+from ..data.spectra import read_spd, to_rgb
+from ..schema import Content, Field
+from ..syntax.errors import SceneError, did_you_mean
+from ..syntax.files import find_file
+from ..syntax.literals import Text, parse_numbers
+from ..syntax.nodes import Blackbody, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
+from ..syntax.transforms import checked_matrix
+from .bounds import bounds_of, within
+
+if TYPE_CHECKING:
+    from .builder import Builder
+
+CONSTANTS = (int, float, Vector, dict, Rgb, Spectrum, Blackbody)
+INDEX_FIELDS = ("int_ior", "ext_ior", "ext_eta")  # these take the name of a material as well
+
+# Choices of other versions that another choice stands for, and whether the picture differs.
+SAME_CHOICE = {
+    ("field", "distance"): ("depth", False),
+    ("file_format", "exr"): ("openexr", False),
+    ("file_format", "jpg"): ("jpeg", False),
+    ("distribution", "phong"): ("beckmann", True),
+    ("distribution", "as"): ("beckmann", True),
+}
+
+
+def convert(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    """A property's value as a field of that type.
+
+    Raises:
+        SceneError: the value is of another type or out of range.
+    """
+    value = CONVERTERS[field.type](builder, owner, prop, field)
+    if value is None:
+        raise SceneError(f'"{prop.name}" of {owner} expects {EXPECTED[field.type]}', prop.location)
+    if isinstance(value, tuple) and not all(map(math.isfinite, value)):
+        raise SceneError(f'"{prop.name}" of {owner} must be finite', prop.location)
+    return value
+
+
+def _float(builder: Builder, owner: Node, prop: Property, field: Field) -> float | None:
+    value = prop.value
+    if isinstance(value, str) and field.name in INDEX_FIELDS:
+        return index_of_refraction(value, prop.location)
+    if isinstance(value, Node) and value.kind == "texture":
+        return _texture_float(builder, owner, prop, field)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return _in_range(float(value), prop, field)
+
+
+def _integer(builder: Builder, owner: Node, prop: Property, field: Field) -> int | None:
+    value = prop.value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    whole = int(_in_range(value, prop, field)) if math.isfinite(value) else None
+    return whole if whole == value else None
+
+
+def _in_range(value: float, prop: Property, field: Field) -> float:
+    low, high = _limits(field)
+    if not low <= value <= high or math.isinf(value):
+        wanted = (
+            "finite"
+            if not math.isfinite(value)
+            else f"at least {low:.10g}"
+            if math.isinf(high)
+            else f"between {low:.10g} and {high:.10g}"
+        )
+        raise SceneError(f'"{prop.name}" must be {wanted}, not {value:.10g}', prop.location)
+    return value
+
+
+def _limits(field: Field) -> tuple[float, float]:
+    low = -math.inf if field.minimum is None else field.minimum
+    return (low, math.inf if field.maximum is None else field.maximum)
+
+
+def _boolean(builder: Builder, owner: Node, prop: Property, field: Field) -> bool | None:
+    return prop.value if isinstance(prop.value, bool) else None
+
+
+def _string(builder: Builder, owner: Node, prop: Property, field: Field) -> str | None:
+    return prop.value if isinstance(prop.value, str) else None
+
+
+def _choice(builder: Builder, owner: Node, prop: Property, field: Field) -> str | None:
+    if not isinstance(prop.value, str):
+        return None
+    wanted = prop.value.strip().lower()
+    same, differs = SAME_CHOICE.get((field.name, wanted), (wanted, False))
+    if differs:
+        builder.diagnostics.warn(
+            f'"{wanted}" is not there for "{field.name}"; "{same}" is used', prop.location
+        )
+    if same not in field.choices:
+        hint = did_you_mean(wanted, field.choices)
+        raise SceneError(f'"{prop.value}" is no choice for "{prop.name}"{hint}', prop.location)
+    return same
+
+
+def _vector(builder: Builder, owner: Node, prop: Property, field: Field) -> tuple[float, float, float] | None:
+    if isinstance(prop.value, Vector):
+        return prop.value.xyz
+    return prop.value.values if isinstance(prop.value, Rgb) else None
+
+
+def _transform(builder: Builder, owner: Node, prop: Property, field: Field) -> np.ndarray | None:
+    given = getattr(prop.value, "matrix", prop.value)
+    if getattr(given, "size", 16) > 16:
+        return None
+    try:
+        value = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    if value.shape not in ((4, 4), (3, 3)):
+        return None
+    if field.name != "to_uv" and value.shape == (4, 4):
+        return checked_matrix(value, prop.location)
+    matrix = np.eye(4)  # texture space has two dimensions: z takes no part
+    matrix[:2, :2], matrix[:2, 3] = value[:2, :2], value[:2, -1]
+    return checked_matrix(matrix, prop.location)
+
+
+def _texture_spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    value = constant_or_texture(builder, prop)
+    if value is None:
+        return None
+    if isinstance(value, dict):
+        return _clamp_texture(builder, owner, value, prop, field)
+    if isinstance(value, int | float):
+        rgb = (float(value),) * 3
+    else:
+        colour = Rgb(value.xyz) if isinstance(value, Vector) else value
+        emission = owner.kind == "emitter" or field.name == "emission"
+        rgb = to_rgb(colour, emission=emission, diagnostics=builder.diagnostics, location=prop.location)
+    return _clamp(builder, owner, rgb, prop, field)
+
+
+def _texture_float(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    """A colour stands for the mean of its channels, as in Mitsuba 3."""
+    value = _texture_spectrum(builder, owner, prop, field)
+    if isinstance(value, dict) or value is None:
+        return value
+    return _mean(value)
+
+
+def _volume_spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    if not isinstance(prop.value, Node) or prop.value.kind != "volume":
+        return _texture_spectrum(builder, owner, prop, field)
+    value = builder.volume(prop.value)
+    return value if isinstance(value, dict) else _clamp(builder, owner, value, prop, field)
+
+
+def _volume_float(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    value = _volume_spectrum(builder, owner, prop, field)
+    return value if isinstance(value, dict) or value is None else _mean(value)
+
+
+def _mean(rgb: tuple[float, ...]) -> float:
+    return rgb[0] if rgb[0] == rgb[1] == rgb[2] else sum(rgb) / 3
+
+
+def _volume_matrix(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    """A volume, or six numbers; constvolumes with six numbers are the same."""
+    node = prop.value
+    if isinstance(node, Node) and node.kind == "volume":
+        constant = node.find("value") if node.plugin.lower() == "constvolume" else None
+        return builder.volume(node) if constant is None else _six(_floats(builder, owner, constant, field))
+    return _six(_floats(builder, owner, prop, field))
+
+
+def _six(values: tuple[float, ...] | None) -> tuple[float, ...] | None:
+    return values if values is not None and len(values) == 6 else None
+
+
+def _floats(builder: Builder, owner: Node, prop: Property, field: Field) -> tuple[float, ...] | None:
+    if isinstance(prop.value, str):
+        return tuple(parse_numbers(Text(prop.value, prop.location)))
+    if getattr(prop.value, "ndim", 1) != 1:
+        return None
+    try:
+        values = np.asarray(prop.value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    if values.ndim != 1:
+        return None
+    return tuple(_in_range(v, prop, field) for v in values.tolist())
+
+
+def _phase(builder: Builder, owner: Node, prop: Property, field: Field) -> int | None:
+    node = prop.value
+    return builder.index(node) if isinstance(node, Node) and node.kind == "phase" else None
+
+
+def constant_or_texture(builder: Builder, prop: Property) -> Content:
+    """A number, a colour, a vector, or `{"texture": index}`; None for anything else."""
+    value = prop.value
+    if isinstance(value, Node):
+        value = builder.texture(value) if value.kind == "texture" else None
+    if isinstance(value, SpectrumFile):
+        path = find_file(value.filename, builder.directories(prop.location), prop.location)
+        return read_spd(path, prop.location)
+    known = isinstance(value, CONSTANTS) and not isinstance(value, bool)
+    return value if known else None
+
+
+def _clamp(
+    builder: Builder, owner: Node, rgb: tuple[float, ...], prop: Property, field: Field
+) -> tuple[float, ...]:
+    low, high = _limits(field)
+    clamped = tuple(min(max(v, low), high) for v in rgb)
+    if max(abs(a - b) for a, b in zip(rgb, clamped, strict=True)) > 1e-4:
+        shown = ", ".join(f"{v:.4g}" for v in rgb)
+        bounds = f"below {low:g}" if min(rgb) < low else f"above {high:g}"
+        builder.diagnostics.warn(f'"{prop.name}" of {owner} is {bounds} ({shown}) and clamped', prop.location)
+    return clamped
+
+
+def _clamp_texture(
+    builder: Builder, owner: Node, value: dict[str, int], prop: Property, field: Field
+) -> dict[str, int]:
+    """The texture, with its values brought into the field's range where they may leave it."""
+    node = prop.value if isinstance(prop.value, Node) else owner
+    if field.type == "texture_float":
+        value = builder.number_texture(node, value)
+    (low, high), found = _limits(field), bounds_of(builder, value)
+    if found is not None:
+        below = [f"below {low:g}"] if found[0] < low - 1e-4 else []
+        above = [f"above {high:g}"] if found[1] > high + 1e-4 else []
+        if below or above:
+            where = " and ".join(below + above)
+            message = f'"{prop.name}" of {owner} is {where} somewhere and clamped'
+            builder.diagnostics.warn(message, prop.location)
+    return within(builder, value, (low, high), node)
+
+
+def _array(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    """Anything that may be an array: the plugin, which takes it, judges its shape."""
+    return prop.value if not isinstance(prop.value, Node | str | int | float | Vector) else None
+
+
+def _object(name: str) -> Converter:
+    """A converter to objects of one of the core's classes, which only Python can make."""
+
+    def convert_object(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+        return prop.value if isinstance(prop.value, getattr(builder.core, name)) else None
+
+    return convert_object
+
+
+Converter: TypeAlias = Callable[["Builder", Node, Property, Field], Any]
+
+
+CONVERTERS: dict[str, Converter] = {
+    "float": _float,
+    "integer": _integer,
+    "boolean": _boolean,
+    "choice": _choice,
+    "string": _string,
+    "vector": _vector,
+    "transform": _transform,
+    "spectrum": _texture_spectrum,
+    "texture_float": _texture_float,
+    "texture_spectrum": _texture_spectrum,
+    "volume_float": _volume_float,
+    "volume_spectrum": _volume_spectrum,
+    "volume_matrix": _volume_matrix,
+    "floats": _floats,
+    "phase": _phase,
+    "grid": _array,
+    "measurement": _object("Measurement"),
+    "mesh": _object("Mesh"),
+    "curves": _object("Curves"),
+    "image": _array,
+}
+
+EXPECTED = {
+    "float": "a number",
+    "integer": "a whole number",
+    "boolean": "true or false",
+    "choice": "a string",
+    "string": "a string",
+    "vector": "a vector",
+    "transform": "a transform",
+    "spectrum": "a colour",
+    "texture_float": "a number or a texture",
+    "texture_spectrum": "a colour or a texture",
+    "volume_float": "a number or a volume",
+    "volume_spectrum": "a colour or a volume",
+    "volume_matrix": "six numbers or a volume of six channels",
+    "floats": "numbers",
+    "phase": "a phase function",
+    "grid": "an array",
+    "measurement": "a measurement object",
+    "mesh": "a mesh object",
+    "curves": "a curves object",
+    "image": "an image object",
+}

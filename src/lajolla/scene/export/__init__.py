@@ -1,0 +1,1 @@
+"""The way out: a scene in the words of Mitsuba 3."""

@@ -1,0 +1,131 @@
+"""Coatings in the words of Mitsuba 3, which has none: plastic, or a mirror on part of what is inside.
+
+As here (`core/scatter/coating.h`), light that the layer reflects back to its base is lost.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ..syntax.nodes import Node, Property, Rgb, Value
+from .plugins import having, holding, like, named
+
+if TYPE_CHECKING:
+    from .translator import Translator
+
+ADAPTERS = ("twosided", "bumpmap", "normalmap", "mask", "blendbsdf")
+CLEAR = ("dielectric", "thindielectric", "roughdielectric", "null", "principledthin", "hair")
+CLEAR += ("polarizer", "retarder", "circular")  # these stay without a coat
+DIFFUSE = {"diffuse": "reflectance", "plastic": "diffuse_reflectance", "roughplastic": "diffuse_reflectance"}
+SHARED = ("int_ior", "ext_ior", "specular_reflectance", "alpha", "distribution")  # with plastic
+STEPS = 1024
+
+
+def coating(translator: Translator, read: Node, node: Node) -> Node | None:
+    """A coat on every bsdf inside. On diffuse ones it is plastic."""
+    inner = next((child for _, child in node.children("bsdf")), None)
+    if inner is None:
+        translator.replaced(node, "it is left out")
+        return None
+    coated = _coated(translator, node, inner)
+    translator.replaced(node, f'"{coated.plugin}" is written')
+    return named(coated, node.id)
+
+
+def _coated(translator: Translator, coat: Node, inner: Node) -> Node:
+    if inner.plugin in ADAPTERS:
+        result = like(inner, inner.plugin)
+        result.id = ""  # another one than what is inside
+        for prop in inner.properties:
+            is_bsdf = isinstance(prop.value, Node) and prop.value.kind == "bsdf"
+            value = _coated(translator, coat, prop.value) if is_bsdf else prop.value
+            holding(result, value, name=prop.name)
+        return result
+    if inner.plugin in CLEAR:
+        return inner
+    if inner.plugin in DIFFUSE:
+        return _plastic(translator, coat, inner.find(DIFFUSE[inner.plugin]))
+    if _absorbs(coat):
+        translator.lose("sigma_a")
+    reflected = _mean_reflectance(_eta(coat))
+    passed = _blend(coat, inner, _black(coat), reflected)  # the other half of the way
+    return _blend(coat, passed, _mirror(coat), reflected)
+
+
+def _plastic(translator: Translator, coat: Node, reflectance: Property | None) -> Node:
+    """Without what Mitsuba adds for light that comes back from the layer more than once."""
+    kept = 1 - _mean_reflectance(1 / _eta(coat))  # what leaves of the diffuse light within
+    colour: Value = Rgb((0.5,) * 3) if reflectance is None else reflectance.value
+    if not isinstance(colour, Rgb):
+        if _absorbs(coat):
+            translator.lose("sigma_a")
+        bare = having(_shiny(coat), diffuse_reflectance=Rgb((0.0,) * 3))
+        return _blend(coat, having(_shiny(coat), diffuse_reflectance=colour), bare, 1 - kept)
+    passed = _passed(translator, coat)
+    red, green, blue = (kept * c * p for c, p in zip(colour.values, passed, strict=True))
+    return having(_shiny(coat), diffuse_reflectance=Rgb((red, green, blue)))
+
+
+def _shiny(coat: Node) -> Node:
+    plugin = "roughplastic" if coat.plugin == "roughcoating" else "plastic"
+    result = Node("bsdf", plugin, coat.location, coat.location)
+    result.properties = [p for p in coat.properties if p.name in SHARED]
+    return having(result, int_ior=_number(coat, "int_ior", 1.5046))
+
+
+def _mirror(coat: Node) -> Node:
+    rough = coat.plugin == "roughcoating"
+    mirror = Node("bsdf", "roughconductor" if rough else "conductor", coat.location, coat.location)
+    mirror.properties = [p for p in coat.properties if p.name in SHARED and not p.name.endswith("_ior")]
+    return having(mirror, material="none")
+
+
+def _black(coat: Node) -> Node:
+    return having(Node("bsdf", "diffuse", coat.location, coat.location), reflectance=Rgb((0.0,) * 3))
+
+
+def _blend(coat: Node, first: Node, second: Node, weight: float) -> Node:
+    blend = having(Node("bsdf", "blendbsdf", coat.location, coat.location), weight=weight)
+    return holding(blend, first, second)
+
+
+def _absorbs(coat: Node) -> bool:
+    sigma = getattr(coat.find("sigma_a"), "value", None)
+    return sigma is not None and not (isinstance(sigma, Rgb) and max(sigma.values) == 0)
+
+
+def _passed(translator: Translator, coat: Node) -> tuple[float, ...]:
+    """What light keeps on a straight way through the layer and back."""
+    sigma, thickness = (
+        getattr(coat.find("sigma_a"), "value", Rgb((0.0,) * 3)),
+        _number(coat, "thickness", 1.0),
+    )
+    if isinstance(sigma, Rgb):
+        return tuple(math.exp(-2 * thickness * s) for s in sigma.values)
+    translator.lose("sigma_a")
+    return (1.0,) * 3
+
+
+def _eta(coat: Node) -> float:
+    return _number(coat, "int_ior", 1.5046) / _number(coat, "ext_ior", 1.000277)
+
+
+def _number(node: Node, name: str, default: float) -> float:
+    value = getattr(node.find(name), "value", default)
+    return float(value) if isinstance(value, int | float) else default
+
+
+def _mean_reflectance(eta: float) -> float:
+    """Of even light: Fresnel's reflectance, by the midpoint rule over the squared cosine."""
+    return sum(_fresnel(math.sqrt((i + 0.5) / STEPS), eta) for i in range(STEPS)) / STEPS
+
+
+def _fresnel(cosine: float, eta: float) -> float:
+    inside = 1 - (1 - cosine * cosine) / (eta * eta)
+    if inside <= 0:
+        return 1.0
+    refracted = math.sqrt(inside)
+    across = (cosine - eta * refracted) / (cosine + eta * refracted)
+    along = (eta * cosine - refracted) / (eta * cosine + refracted)
+    return (across * across + along * along) / 2

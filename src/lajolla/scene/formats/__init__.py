@@ -1,0 +1,1 @@
+"""Files that scenes name: pictures, volumes, curves, tensors, material libraries."""

@@ -1,0 +1,201 @@
+"""Scenes as Python dicts, in the conventions of Mitsuba 3's `load_dict`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..description.substitutes import SUBSTITUTES
+from ..schema import Content, Plugin
+from .errors import Location, SceneError, Source, did_you_mean, nearest
+from .expand import LATEST
+from .literals import Text, checked_spectrum, parse_rgb
+from .nodes import KINDS, Node, Property, Reference, Rgb, Spectrum, SpectrumFile, Value, Vector
+from .resolve import MAX_NESTING
+from .typed import Tree
+
+# A dict inside several others is an object in each: so many may come of it, and so many more for each dict.
+MOST_REPEATED = 1 << 14
+MOST_MEETINGS = 64
+MOST_SAMPLES = 1 << 16  # of a spectrum
+LOSSY = ("roughconductor", "roughdielectric", "roughplastic")  # where microfacets shadow each other
+
+
+def nodes_from_dict(
+    scene: Mapping[str, Any], base_path: Path, table: Mapping[str, Mapping[str, Plugin]]
+) -> Tree:
+    """The nodes of a scene dict. Every key of the root is the id of its object. Rough surfaces give back the
+    light that bounces between microfacets unless they say otherwise.
+
+    Raises:
+        SceneError: no "type", an unknown one, or a value of a type that scenes do not have.
+    """
+    source = Source("scene", b"", base_path, LATEST)
+    reader = _DictReader(source, table)
+    kind = scene.get("type") if isinstance(scene, Mapping) else None
+    if not isinstance(kind, str) or kind != "scene":
+        raise SceneError('the dict must have {"type": "scene"}', Location(source))
+    root = Node("scene", "scene", Location(source), Location(source))
+    reader.tree = Tree(root, nodes=[root])
+    reader.properties(scene, root, [])
+    _give_back_lost_light(reader.tree.nodes)
+    return reader.tree
+
+
+def _give_back_lost_light(nodes: Iterable[Node]) -> None:
+    """Turns `multiscatter` on where a dict leaves it open.
+
+    Scene files are Mitsuba's and look as they do there; dicts are our own. Glass whose roughness differs
+    between directions, or may do so, stays without: the model refuses that.
+    """
+    for node in nodes:
+        plugin = node.plugin.lower() if node.kind == "bsdf" else ""
+        if plugin in LOSSY and not (plugin == "roughdielectric" and _may_be_anisotropic(node)):
+            node.set_default("multiscatter", True)
+
+
+def _may_be_anisotropic(node: Node) -> bool:
+    given = [node.find(name) for name in ("alpha_u", "alpha_v")]
+    values = [prop.value for prop in given if prop is not None]
+    comparable = all(isinstance(value, int | float | Reference) for value in values)
+    return bool(values) and not (comparable and len(values) == 2 and values[0] == values[1])
+
+
+@dataclass
+class _DictReader:
+    source: Source
+    table: Mapping[str, Mapping[str, Plugin]]
+    tree: Tree | None = None
+    met: set[int] = field(default_factory=set)  # dicts that are there, however often they are met
+    meetings: int = 0
+
+    def properties(self, entries: Mapping[str, Any], node: Node, path: list[str]) -> None:
+        """Adds a dict's entries to its node."""
+        if len(path) > MAX_NESTING:
+            raise SceneError(f"dicts are nested more than {MAX_NESTING} deep", self.at(path[:4]))
+        for key, entry in entries.items():
+            if not isinstance(key, str):
+                raise SceneError(f"the key {key!r} is not a string", self.at(path))
+            if key in ("type", "id"):
+                continue
+            location = self.at([*path, key])
+            value = self.value(entry, [*path, key])
+            node.properties.append(Property(key, value, location, location))
+
+    def at(self, path: list[str]) -> Location:
+        return Location(self.source, key=".".join(path))
+
+    def value(self, entry: Content, path: list[str]) -> Value:
+        """A node for a dict, and a typed value for anything else."""
+        location = self.at(path)
+        if isinstance(entry, Mapping):
+            return self.typed(entry, path)
+        if isinstance(entry, bool | np.bool_):
+            return bool(entry)
+        if isinstance(entry, int | np.integer):
+            if abs(int(entry)) > sys.float_info.max:
+                raise SceneError("the number is too large", location)
+            return int(entry)
+        if isinstance(entry, float | np.floating):
+            return float(entry)
+        if isinstance(entry, str | Path):
+            return str(entry)
+        return _array_value(entry)
+
+    def typed(self, entry: Mapping[str, Any], path: list[str]) -> Value:
+        """A colour, a reference, or an object, by its "type"."""
+        location = self.at(path)
+        self.met.add(id(entry))
+        self.meetings += 1
+        if self.meetings > MOST_REPEATED + MOST_MEETINGS * len(self.met):
+            raise SceneError(f"the same dicts make more than {MOST_REPEATED:,} objects", location)
+        kind_of_value = entry.get("type")
+        if not isinstance(kind_of_value, str):
+            raise SceneError('a dict needs a "type"', location)
+        if kind_of_value == "ref":
+            return Reference(str(entry.get("id", "")))
+        if kind_of_value in ("rgb", "srgb") and "value" in entry:
+            return _rgb(entry["value"], location, srgb=kind_of_value == "srgb")
+        if kind_of_value == "spectrum":
+            return _spectrum(entry, location)
+        name = str(entry.get("id", path[0] if len(path) == 1 else ""))
+        kind = self.kind(kind_of_value, path[-1], location)
+        node = Node(kind, kind_of_value, location, location, name)
+        assert self.tree is not None
+        self.tree.nodes.append(node)
+        self.properties(entry, node, path)
+        return node
+
+    def kind(self, plugin: str, key: str, location: Location) -> str:
+        """The kind of object that a plugin name means; the key may be that of a kind ("integrator")."""
+        name = plugin.lower()
+        kinds = [k for k in KINDS if name in self.table.get(k, {}) or name in SUBSTITUTES.get(k, {})]
+        if key in KINDS and (not kinds or key in kinds):
+            return key
+        if kinds:
+            return kinds[0]
+        known = [plugin for names in self.table.values() for plugin in names]
+        close = nearest(plugin, known)
+        hint = did_you_mean(plugin, known) if close else ""
+        raise SceneError(f'there is no plugin "{plugin}"{hint}', location)
+
+
+def _array_value(entry: Content) -> Value:
+    """Three numbers are a vector; other objects stay, for the field that takes them to judge."""
+    if len_of(entry) != 3:
+        return entry
+    try:
+        x, y, z = (float(v) for v in entry)
+    except (TypeError, ValueError, OverflowError):
+        return entry
+    return Vector((x, y, z))
+
+
+def len_of(entry: Content) -> int:
+    """The length of what may be a sequence of numbers, which is not looked at otherwise; 0 for others."""
+    shape = getattr(entry, "shape", None)
+    if isinstance(shape, tuple):
+        return shape[0] if len(shape) == 1 else 0
+    return len(entry) if isinstance(entry, Sequence) and not isinstance(entry, str | bytes) else 0
+
+
+def _rgb(value: Content, location: Location, *, srgb: bool) -> Rgb:
+    try:
+        text = (
+            value
+            if isinstance(value, str)
+            else " ".join(map(repr, np.ravel(np.asarray(_small(value), float)).tolist()))
+        )
+    except (TypeError, ValueError, OverflowError):
+        raise SceneError("a colour is one number or three", location) from None
+    return parse_rgb(Text(text, location), srgb=srgb)
+
+
+def _small(value: Content) -> Content:
+    if getattr(value, "size", 0) > 3:
+        raise ValueError
+    return value
+
+
+def _spectrum(entry: Mapping[str, Any], location: Location) -> Value:
+    if isinstance(entry.get("filename"), str):
+        return SpectrumFile(entry["filename"])
+    value = entry.get("value")
+    try:
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return Spectrum((float(value),))
+        if np.shape(value)[1:] not in ((), (2,)) or len(value) > MOST_SAMPLES:
+            raise ValueError
+        samples = np.asarray(value, dtype=np.float64)
+        wavelengths = samples[:, 0] if "wavelengths" not in entry else np.asarray(entry["wavelengths"], float)
+        values = samples[:, 1] if "wavelengths" not in entry else samples
+        return checked_spectrum(tuple(map(float, wavelengths)), tuple(map(float, values)), location)
+    except (TypeError, ValueError, IndexError, OverflowError):
+        raise SceneError(
+            'a spectrum needs a "value": a number or (wavelength, value) pairs', location
+        ) from None

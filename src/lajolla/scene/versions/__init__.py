@@ -1,0 +1,1 @@
+"""Nodes of old files in the words and with the defaults of today."""

@@ -1,0 +1,147 @@
+"""Files of older versions, in the words of Mitsuba 3.
+
+Names change from camelCase to snake_case, `uscale` and its kin become a transform, and defaults that differ
+between versions are written out, so that nothing later asks for a version.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from ..schema import HARMLESS, Plugin
+from ..syntax.errors import Diagnostics
+from ..syntax.nodes import Node, Property
+
+AIR = 1.000277
+
+OLD_PLUGINS = {
+    ("film", "exrfilm"): "hdrfilm",
+    ("film", "pngfilm"): "ldrfilm",
+    ("integrator", "errctrl"): "adaptive",
+    ("bsdf", "bump"): "bumpmap",
+    ("bsdf", "roughconductorggx"): "roughconductorGGX",
+    ("bsdf", "roughdielectricggx"): "roughdielectricGGX",
+}
+OLD_PROPERTIES = {
+    ("emitter", "intensity_scale"): "scale",
+    ("medium", "density_multiplier"): "scale",
+    ("sensor", "focus_depth"): "focus_distance",
+    ("film", "crop_x"): "crop_offset_x",
+    ("film", "crop_y"): "crop_offset_y",
+    ("film", "high_quality_edges"): "sample_border",
+    ("integrator", "luminaire_samples"): "emitter_samples",
+}
+# Second names that Mitsuba 0.6 has for a property; the first counts where both are given.
+SYNONYMS = {
+    "diffuse": ("reflectance", "diffuse_reflectance"),
+    "roughdiffuse": ("reflectance", "diffuse_reflectance"),
+    "difftrans": ("transmittance", "diffuse_transmittance"),
+}
+UV_PROPERTIES = ("uscale", "vscale", "uvscale", "uoffset", "voffset")
+
+
+def upgrade(
+    nodes: Iterable[Node], table: Mapping[str, Mapping[str, Plugin]], diagnostics: Diagnostics
+) -> None:
+    """Brings nodes from files before 2.0 up to date, in place. Disney names go either way in any.
+
+    Plugins are named as in the table from here on, whatever the case in the file.
+    """
+    for node in nodes:
+        known = table.get(node.kind, {}).get(node.plugin.lower())
+        node.plugin = known.name if known else node.plugin
+        if node.version < (2, 0, 0):
+            _upgrade_names(node)
+            _upgrade_uv(node)
+            _write_defaults(node)
+        elif node.kind == "bsdf" and node.plugin.lower().startswith("disney"):
+            _upgrade_names(node)
+        else:
+            _correct_names(node, [known] if known else table.get(node.kind, {}).values(), diagnostics)
+
+
+def _correct_names(node: Node, plugins: Iterable[Plugin], diagnostics: Diagnostics) -> None:
+    """Names of before 2.0 in a newer file, where the plugin, or any for an unknown one, has them today."""
+    old = [(prop, name) for prop in node.properties if (name := snake_case(prop.name)) != prop.name]
+    if not old:
+        return
+    fields = {field.name for plugin in plugins for field in plugin.fields}
+    harmless = set(HARMLESS.get(node.kind, ()))
+    for prop, name in old:
+        if prop.name in fields or node.find(name) is not None:
+            continue
+        if name in fields:
+            message = f'"{prop.name}" of {node} is the old name of "{name}"; it is read as "{name}"'
+            diagnostics.unknown(message, prop.name_location)
+        if name in fields | harmless:
+            prop.name = name
+
+
+def snake_case(name: str) -> str:
+    """`toWorld` -> `to_world`, `intIOR` -> `int_ior`; what has no inner capital stays."""
+    return re.sub(r"(?<=[a-z0-9])[A-Z]+", lambda capitals: "_" + capitals.group().lower(), name)
+
+
+def _upgrade_names(node: Node) -> None:
+    node.plugin = OLD_PLUGINS.get((node.kind, node.plugin.lower()), node.plugin)
+    for prop in node.properties:
+        name = snake_case(prop.name)
+        prop.name = OLD_PROPERTIES.get((node.kind, name), name)
+    name, synonym = SYNONYMS.get(node.plugin, ("", ""))
+    if synonym and node.find(name) is None:
+        for prop in node.properties:
+            prop.name = name if prop.name == synonym else prop.name
+
+
+def _upgrade_uv(node: Node) -> None:
+    """0.x evaluates `uv * scale + offset`."""
+    given = {
+        p.name: p for p in node.properties if p.name in UV_PROPERTIES and isinstance(p.value, int | float)
+    }
+    if not given or node.kind != "texture":
+        return
+    values = {name: float(prop.value) for name, prop in given.items()}  # type: ignore[arg-type]
+    both = values.get("uvscale", 1.0)
+    matrix = np.eye(4)
+    matrix[0, 0], matrix[1, 1] = values.get("uscale", both), values.get("vscale", both)
+    matrix[0, 3], matrix[1, 3] = values.get("uoffset", 0.0), values.get("voffset", 0.0)
+    first = next(iter(given.values()))
+    node.properties = node.without(given)
+    node.properties.append(Property("to_uv", matrix, first.location, first.name_location))
+
+
+def _write_defaults(node: Node) -> None:
+    if node.kind == "bsdf" and node.plugin in ("conductor", "roughconductor", "roughconductorGGX"):
+        node.set_default("material", "Cu")
+        node.set_default("ext_eta", AIR)  # eta and k are divided by it
+    if node.kind == "bsdf" and node.plugin in ("roughconductorGGX", "roughdielectricGGX"):
+        node.set_default("distribution", "ggx")
+    elif node.kind == "medium" and node.plugin == "homogeneous":
+        node.set_default("material", "Skin1")
+    elif node.kind == "volume" and node.plugin == "gridvolume":
+        node.set_default("use_grid_bbox", True)
+        node.set_default("align_corners", True)
+        node.set_default("wrap_mode", "zero")
+    elif node.kind == "bsdf" and node.plugin in ("bumpmap", "normalmap"):
+        node.set_default("flip_invalid_normals", False)
+        node.set_default("use_shadowing_function", False)
+    elif node.kind == "emitter" and node.plugin in ("sun", "sky", "sunsky"):
+        node.set_default("up", "y")
+        if node.plugin != "sky":
+            node.set_default("sun_model", "preetham")
+        if node.plugin != "sun":
+            node.set_default("albedo", 0.2)
+    elif node.kind == "texture" and node.plugin == "bitmap":
+        node.set_default("filter_type", "ewa")
+    elif node.kind == "integrator" and node.plugin == "field":
+        node.set_default("first_shape", 0)
+        for prop in node.properties:
+            if prop.name == "field" and isinstance(prop.value, str):
+                prop.value = snake_case(prop.value)
+    elif node.kind == "shape" and node.plugin == "obj":
+        node.set_default("load_materials", True)
+    elif node.kind == "shape" and node.plugin == "ply":
+        node.set_default("srgb", True)
