@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from reader_tools import error_of, messages, read, write_scene
+from scene_tools import rotation
 
+from lajolla import _core, _core_testing
 from lajolla.cli import main
 from lajolla.scene import load_description
 from lajolla.scene.data.sky import Moment, hosek_sun, preetham_sun, sky_map, sun_angles
@@ -47,8 +49,8 @@ def test_both_suns_redden_towards_the_horizon_and_agree_roughly() -> None:
 def test_corners_are_finite(elevation: float, turbidity: float) -> None:
     sun = np.array([np.cos(elevation), np.sin(elevation), 0])
     for values in (
-        sky_map(sun, turbidity, ALBEDO, 16),
-        sky_map(sun, turbidity, np.zeros(3), 16, stretch=2, extend=True),
+        sky_map(sun, turbidity, ALBEDO, 16)[0],
+        sky_map(sun, turbidity, np.zeros(3), 16, stretch=2, extend=True)[0],
         hosek_sun(elevation, turbidity),
         preetham_sun(elevation, turbidity),
     ):
@@ -57,11 +59,54 @@ def test_corners_are_finite(elevation: float, turbidity: float) -> None:
 
 def test_the_sky_ends_at_the_horizon_unless_it_is_extended() -> None:
     sun = np.array([0, 0.6, -0.8])
-    plain, extended = (sky_map(sun, 3, ALBEDO, 32, extend=e) for e in (False, True))
-    assert plain.shape == (17, 32, 3)
-    assert plain[:8].all() and not plain[9:].any() and extended[9:16].all()
-    row = plain[round(16 * np.arccos(0.6) / np.pi), :, 1]
+    (plain, end), (extended, nadir) = (sky_map(sun, 3, ALBEDO, 32, extend=e) for e in (False, True))
+    assert plain.shape == (17, 32, 3) and (end, nadir) == (90, 180)
+    assert plain.all() and extended[:16].all() and not extended[16].any()
+    np.testing.assert_allclose(extended[:9], plain[::2], rtol=1e-5)  # the same down to the horizon
+    row = plain[round(16 * np.arccos(0.6) / (np.pi / 2)), :, 1]
     assert np.argmax(row) in (0, 31) and row.max() > 2 * row.min()  # brightest around the sun, at -z
+
+
+@pytest.mark.parametrize("stretch", [1, 1.5])
+@pytest.mark.parametrize("tilted", [False, True])
+def test_the_horizon_is_sharp(stretch: float, tilted: bool, tmp_path: Path) -> None:
+    """Against Mitsuba's own sky: its radiance at elevations close to the horizon, and black below it."""
+    import mitsuba as mi
+
+    mi.set_variant("scalar_rgb")
+    turn = rotation((1, 2, 3), 50) if tilted else np.eye(4)
+    matrix = " ".join(map(str, turn.ravel()))
+    local = np.array([-0.3, 0.5, 0.8]) / np.linalg.norm([-0.3, 0.5, 0.8])
+    x, y, z = turn[:3, :3] @ local
+    body = f"""<emitter type="sky"><float name="stretch" value="{stretch}"/>
+        <transform name="to_world"><matrix value="{matrix}"/></transform>
+        <vector name="sun_direction" x="{x}" y="{y}" z="{z}"/></emitter>"""
+    scene = _core.Scene(read(tmp_path, body).core)
+    degrees = np.array([-20, -5, -1, -0.1, -1e-3, 1e-3, 0.02, 0.1, 0.2, 0.5, 1, 3, 10, 45, 80])
+    azimuth = np.radians(np.linspace(0, 350, len(degrees)))
+    theirs = []
+    sky = mi.load_dict(
+        {"type": "sunsky", "sun_scale": 0.0, "sun_direction": [float(v) for v in local], "turbidity": 3.0}
+    )
+    for elevation, phi in zip(np.radians(degrees), azimuth, strict=True):
+        interaction = mi.SurfaceInteraction3f()
+        interaction.wi = -mi.Vector3f(*direction(elevation, phi))
+        theirs.append(np.array(sky.eval(interaction)))
+    zenith = np.pi / 2 - np.radians(degrees)
+    seen = np.stack([direction(np.pi / 2 - stretch * t, phi) for t, phi in zip(zenith, azimuth, strict=True)])
+    ours, _ = _core_testing.emitter_eval_many(
+        scene, np.zeros(3, np.float32), (seen @ turn[:3, :3].T).astype(np.float32), None
+    )
+    below, near = degrees < 0, (degrees > 0) & (degrees < 0.4)
+    assert not ours[below].any()
+    # A table has the rows that are closest to the horizon 0.35 degrees apart, where blue grows by a third.
+    np.testing.assert_allclose(ours[near], np.array(theirs)[near], rtol=0.08)
+    np.testing.assert_allclose(ours[~below & ~near], np.array(theirs)[~below & ~near], rtol=0.01)
+
+
+def direction(elevation: float, azimuth: float) -> np.ndarray:
+    level = np.cos(elevation)
+    return np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
 
 
 def emitters(folder: Path, body: str, version: str) -> list[dict]:

@@ -108,7 +108,7 @@ def sky_map(
         extend: the sky goes on below the horizon, darker towards the nadir.
 
     Returns:
-        (map_height(width), width, 3) float32, and the angle from the zenith that its last row shows, in degrees.
+        (map_height(width), width, 3) float32, and the angle in degrees from the zenith to its last row.
     """
     height = map_height(width)
     result = np.empty((height, width, 3), np.float32)
