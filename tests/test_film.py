@@ -12,6 +12,7 @@ from reader_tools import error
 
 import lajolla
 from lajolla import cli, film, image
+from lajolla.colour import RGB_TO_XYZ, luminance
 from lajolla.film import Film
 from lajolla.scene import load_description
 
@@ -84,7 +85,7 @@ def encoded(linear: np.ndarray, gamma: float) -> np.ndarray:
 
 def reinhard_of_mitsuba(rgb: np.ndarray, key: float, burn: float) -> np.ndarray:
     """Bitmap::tonemapReinhard of Mitsuba 0.6 in double precision: through xyY, white at burn^4."""
-    to_xyz = np.asarray(film.RGB_TO_XYZ, np.float64)
+    to_xyz = np.asarray(RGB_TO_XYZ, np.float64)
     xyz = rgb.astype(np.float64) @ to_xyz.T
     light = xyz[..., 1]
     scale = key / np.exp(np.log(1e-3 + light).mean())
@@ -121,7 +122,7 @@ def test_png_in_other_pixel_formats(tmp_path: Path) -> None:
     for pixel_format, count in (("rgba", 4), ("luminance", 1), ("luminance_alpha", 2), ("xyza", 4)):
         _, _, values = saved(tmp_path, "a.png", pixel_format=pixel_format)
         assert values.shape == (6, 9, count)
-        colour = RGB if count == 4 else film.luminance(RGB)
+        colour = RGB if count == 4 else luminance(RGB)
         assert np.abs(255 * values[..., : colour.shape[2]] - encoded(colour, -1)).max() < 1.01
         if "A" in film.PIXEL_FORMATS[pixel_format]:
             np.testing.assert_allclose(values[..., -1], ALPHA, atol=0.51 / 255)
@@ -139,7 +140,7 @@ def test_black_and_broken_pictures_are_tone_mapped() -> None:
 
 def test_matrices(tmp_path: Path) -> None:
     grey = {"pixel_format": "luminance"}
-    light = film.luminance(RGB)[..., 0]
+    light = luminance(RGB)[..., 0]
     np.testing.assert_array_equal(np.load(saved_matrix(tmp_path, "a.npy")), np.dstack([RGB, DEPTH]))
     np.testing.assert_array_equal(np.load(saved_matrix(tmp_path, "b.npy", **grey))[..., 0], light)
     text = saved_matrix(tmp_path, "a.m", **grey, digits=7, variable="x").read_text()

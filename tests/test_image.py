@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lajolla import image
+from lajolla import colour, comparison, image, whole_files
 from lajolla.picture_files import Budget
 from lajolla.scene.formats.images import read_pixels
 from lajolla.scene.syntax.errors import Location, Source
@@ -47,19 +47,19 @@ def test_png_is_srgb_with_exposure(tmp_path: Path) -> None:
     grey = np.full((2, 2, 3), 0.25, np.float32)
     image.write(tmp_path / "a.png", grey, exposure=1)
     # 0.5 in sRGB is 188 (IEC 61966-2-1), where gamma 2.2 would give 186.
-    np.testing.assert_allclose(image.read(tmp_path / "a.png"), image.decode_srgb(188 / 255), atol=1e-6)
+    np.testing.assert_allclose(image.read(tmp_path / "a.png"), colour.decode_srgb(188 / 255), atol=1e-6)
 
 
 def test_jpeg_is_close(tmp_path: Path) -> None:
     ramp = np.linspace(0, 1, 64, dtype=np.float32)[None, :, None].repeat(48, 0).repeat(3, 2)
     for name in ("a.jpg", "a.jpeg"):
         image.write(tmp_path / name, ramp)
-        assert np.abs(image.encode_srgb(image.read(tmp_path / name)) - image.encode_srgb(ramp)).max() < 0.05
+        assert np.abs(colour.encode_srgb(image.read(tmp_path / name)) - colour.encode_srgb(ramp)).max() < 0.05
 
 
 def test_srgb_functions_are_inverse() -> None:
     x = np.linspace(0, 1, 1001, dtype=np.float32)
-    np.testing.assert_allclose(image.decode_srgb(image.encode_srgb(x)), x, atol=2e-6)
+    np.testing.assert_allclose(colour.decode_srgb(colour.encode_srgb(x)), x, atol=2e-6)
 
 
 @pytest.mark.parametrize("name", ["a.tga", "a", "a.xml"])
@@ -103,8 +103,8 @@ def test_full_disk_is_an_error(
     tmp_path: Path, picture: image.FloatImage, ending: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The temporary file is a link to a device that is always full.
-    monkeypatch.setattr(image.secrets, "token_hex", lambda size: "00")
-    prefix = image._temporary_prefix(tmp_path / f"a{ending}")
+    monkeypatch.setattr(whole_files.secrets, "token_hex", lambda size: "00")
+    prefix = whole_files._temporary_prefix(tmp_path / f"a{ending}")
     (tmp_path / f"{prefix}{os.getpid()}-00{ending}").symlink_to("/dev/full")
     with pytest.raises(image.ImageError, match=f"a{ending}"):
         image.write(tmp_path / f"a{ending}", picture)
@@ -188,7 +188,7 @@ def test_missing_file(tmp_path: Path) -> None:
 def test_comparison_by_hand() -> None:
     reference = np.ones((1, 2, 3)) * [1, 2, 4]
     other = reference * 1.5
-    result = image.compare(other, reference, epsilon=0)
+    result = comparison.compare(other, reference, epsilon=0)
     np.testing.assert_allclose(result.mean_ratio, 1.5)
     np.testing.assert_allclose(result.rmse, [0.5, 1, 2])
     np.testing.assert_allclose(result.relative_mse, 0.25)
@@ -199,21 +199,21 @@ def test_comparison_excludes_what_is_not_finite() -> None:
     reference = np.ones((2, 2, 3))
     other = reference.copy()
     other[0, 0, 1] = np.nan
-    result = image.compare(other, reference)
+    result = comparison.compare(other, reference)
     assert result.excluded == 1
     np.testing.assert_allclose(result.rmse, 0)
-    assert image.difference_picture(other, reference)[0, 0].tolist() == [255, 255, 0]
+    assert comparison.difference_picture(other, reference)[0, 0].tolist() == [255, 255, 0]
 
 
 def test_comparison_of_different_sizes() -> None:
     with pytest.raises(image.ImageError, match="2 x 1 and 1 x 2"):
-        image.compare(np.zeros((1, 2, 3)), np.zeros((2, 1, 3)))
+        comparison.compare(np.zeros((1, 2, 3)), np.zeros((2, 1, 3)))
 
 
 def test_difference_picture_shows_the_sign() -> None:
     reference = np.ones((1, 3, 3))
     other = reference * np.array([1, 2, 0.4])[None, :, None]
-    black, red, blue = image.difference_picture(other, reference)[0].tolist()
+    black, red, blue = comparison.difference_picture(other, reference)[0].tolist()
     assert black == [0, 0, 0]
     assert red == [255, 0, 0]
     assert blue == [0, 0, 255]

@@ -28,7 +28,7 @@ from statistics_tools import ONE_MINUS_ULP, SEED, generator, uniforms
 from test_every_scene import FOLDER, scene_files
 
 from lajolla import _core, _core_testing
-from lajolla.render import Options, apply_options
+from lajolla.options import Options, apply_options
 from lajolla.scene import load_description
 
 OWN = Path(__file__).resolve().parents[1] / "scenes"

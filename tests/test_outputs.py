@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from reader_tools import messages
 
-from lajolla import image
+from lajolla import image, whole_files
 from lajolla.scene import convert, load_description
 from lajolla.scene.formats.voxels import vol_bytes
 
@@ -70,8 +70,8 @@ def test_what_a_killed_process_left_is_removed() -> None:
     code = """
 import os, signal
 from pathlib import Path
-from lajolla import image
-with image.replacing(Path("a.npy")) as temporary:
+from lajolla import image, whole_files
+with whole_files.replacing(Path("a.npy")) as temporary:
     temporary.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -80,7 +80,7 @@ with image.replacing(Path("a.npy")) as temporary:
     assert len(os.listdir()) == 2
     image.write(Path("b.npy"), PICTURE)
     assert len(os.listdir()) == 3  # another file's is not touched
-    with image.replacing(Path("a.npy")) as ours:
+    with whole_files.replacing(Path("a.npy")) as ours:
         ours.write_text("being written")
         image.write(Path("a.npy"), PICTURE)
         assert ours.exists()
@@ -89,7 +89,7 @@ with image.replacing(Path("a.npy")) as temporary:
 
 def left_by(process: object) -> Path:
     """The name of a temporary file for a.npy that another process would have."""
-    with image.replacing(Path("a.npy")) as ours:
+    with whole_files.replacing(Path("a.npy")) as ours:
         ours.write_text("")
     return Path(ours.name.replace(str(os.getpid()), str(process), 1))
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import lajolla
-from lajolla.render import Options, Progress, Rendering, apply_options
+from lajolla.options import Options, apply_options
+from lajolla.render import Progress, Rendering
 from lajolla.scene import describe
 
 SCENE: dict[str, Any] = {

@@ -19,13 +19,18 @@ if TYPE_CHECKING:
 
     from lajolla import _core as _core
     from lajolla import catalog as catalog
+    from lajolla import comparison as comparison
     from lajolla import film as film
     from lajolla import image as image
     from lajolla import render as render
     from lajolla import scene as scene
     from lajolla import survey as survey
-    from lajolla.image import Image, ImageError, ImageWarning
-    from lajolla.render import OptionError, Progress, Rendering, Scene, load, load_dict
+    from lajolla import whole_files as whole_files
+    from lajolla.image import Image
+    from lajolla.loading import Scene, load, load_dict
+    from lajolla.options import OptionError
+    from lajolla.picture_files import ImageError, ImageWarning
+    from lajolla.render import Progress, Rendering
     from lajolla.scene import SceneError
 
 __all__ = [
@@ -42,10 +47,13 @@ __all__ = [
 ]
 
 # Modules and names are imported when they are first used: `lajolla --help` does without NumPy and the core.
-_MODULES = ("_core", "catalog", "film", "image", "render", "scene", "survey")
+_MODULES = ("_core", "catalog", "comparison", "film", "image", "render", "scene", "survey", "whole_files")
 _HOMES = {
-    **dict.fromkeys(("Image", "ImageError", "ImageWarning"), "image"),
-    **dict.fromkeys(("OptionError", "Progress", "Rendering", "Scene", "load", "load_dict"), "render"),
+    "Image": "image",
+    **dict.fromkeys(("ImageError", "ImageWarning"), "picture_files"),
+    "OptionError": "options",
+    **dict.fromkeys(("Progress", "Rendering"), "render"),
+    **dict.fromkeys(("Scene", "load", "load_dict"), "loading"),
     "SceneError": "scene",
 }
 

@@ -266,7 +266,7 @@ def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list
 
 def _refuse_devices(arguments: argparse.Namespace, count: int) -> None:
     """They have room for one picture, and pipes for one file of any kind."""
-    found = [path for path in arguments.outputs or [] if lajolla.image.is_device(path)]
+    found = [path for path in arguments.outputs or [] if lajolla.whole_files.is_device(path)]
     stats = arguments.stats
     if stats is not None and str(stats) not in STREAMS and stats.is_fifo():
         found.append(stats)
@@ -284,7 +284,7 @@ def _for_sensor(arguments: argparse.Namespace, number: int | None, suffix: str) 
 
 
 def _with_suffix(path: Path, suffix: str) -> Path:
-    if str(path) in STREAMS or lajolla.image.is_device(path):
+    if str(path) in STREAMS or lajolla.whole_files.is_device(path):
         return path
     return path.with_name(path.stem + suffix + path.suffix)
 

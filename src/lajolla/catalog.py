@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from lajolla.render import OptionError, suggestion
+from lajolla.options import OptionError, suggestion
 from lajolla.scene import core_schema, plugins
 
 Catalog = dict[str, dict[str, Mapping[str, Any]]]

@@ -143,7 +143,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
     for output in arguments.outputs or []:
         lajolla.image.check_output(output)
     if arguments.stats is not None and str(arguments.stats) not in STREAMS:
-        lajolla.image.check_folder(arguments.stats)
+        lajolla.whole_files.check_folder(arguments.stats)
 
 
 def _save(
@@ -185,11 +185,11 @@ def _write_outputs(outputs: Sequence[Path], picture: lajolla.Image, arguments: a
     if arguments.tonemap is not None:
         picture.film = replace(picture.film, tonemap_method=arguments.tonemap)
     with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", lajolla.image.ImageWarning)
+        warnings.simplefilter("always", lajolla.ImageWarning)
         for output in outputs:
             try:
                 picture.save(output, exposure=arguments.exposure, half=arguments.half)
-            except lajolla.image.ImageError as error:
+            except lajolla.ImageError as error:
                 errors.append(error)
     for warning in caught:
         say(f"warning: {warning.message}")
@@ -241,7 +241,7 @@ def _write_stats(path: Path, stats: dict[str, Any]) -> None:
         stream: TextIO = getattr(sys, STREAMS[str(path)])
         stream.write(text)
     else:
-        with lajolla.image.replacing(path) as temporary:
+        with lajolla.whole_files.replacing(path) as temporary:
             temporary.write_text(text)
 
 
@@ -252,7 +252,7 @@ def command_convert(arguments: argparse.Namespace) -> int:
     target: Path = arguments.target
     if target.exists() and arguments.scene.exists() and target.samefile(arguments.scene):
         raise UsageError(f"{target} is the scene itself; name another file to write")
-    lajolla.image.check_folder(target)
+    lajolla.whole_files.check_folder(target)
     parameters = dict(arguments.parameters)
     result = lajolla.scene.convert(
         arguments.scene, target, parameters=parameters, strict=arguments.strict, pack=arguments.pack
@@ -277,11 +277,12 @@ def _write_export(target: Path, result: lajolla.scene.Export) -> None:
     """Writes all files under other names before the first takes its place: old and new ones do not fit."""
     for folder in {Path(name).parent for name in result.files}:
         (target.parent / folder).mkdir(exist_ok=True)
+    replacing = lajolla.whole_files.replacing
     with ExitStack() as replacements:
-        temporary = replacements.enter_context(lajolla.image.replacing(target))  # the last to take its place
+        temporary = replacements.enter_context(replacing(target))  # the last to take its place
         temporary.write_text(result.text, encoding="utf-8")
         for name, content in result.files.items():
-            temporary = replacements.enter_context(lajolla.image.replacing(target.parent / name))
+            temporary = replacements.enter_context(replacing(target.parent / name))
             if isinstance(content, bytes):
                 temporary.write_bytes(content)
             else:
@@ -319,9 +320,9 @@ def command_compare(arguments: argparse.Namespace) -> int:
     if arguments.diff is not None:
         lajolla.image.check_output(arguments.diff)
         if arguments.diff.suffix.lower() not in lajolla.image.LOW_RANGE:
-            raise lajolla.image.ImageError(f"{arguments.diff}: the difference picture is a PNG or JPEG")
+            raise lajolla.ImageError(f"{arguments.diff}: the difference picture is a PNG or JPEG")
     a, b = lajolla.image.read(arguments.a), lajolla.image.read(arguments.b)
-    result = lajolla.image.compare(a, b)
+    result = lajolla.comparison.compare(a, b)
     print(f"{'':12}  {'red':>12}  {'green':>12}  {'blue':>12}")
     for name, values in (
         ("mean ratio", result.mean_ratio),
@@ -332,7 +333,7 @@ def command_compare(arguments: argparse.Namespace) -> int:
     if result.excluded:
         say(f"warning: {result.excluded} pixels are not finite and were left out")
     if arguments.diff is not None:
-        lajolla.image.write_encoded(arguments.diff, lajolla.image.difference_picture(a, b))
+        lajolla.image.write_encoded(arguments.diff, lajolla.comparison.difference_picture(a, b))
     return 0
 
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-FloatImage = NDArray[np.float32]
+from lajolla.colour import FloatImage, luminance, rgb_to_xyz
 
 # The channels of a picture, by the names that Mitsuba gives to pixel formats.
 PIXEL_FORMATS = {
@@ -30,17 +29,6 @@ FILE_FORMATS = {
     "mathematica": (".m", ".png"),
     "numpy": (".npy", ".png"),
 }
-
-# Linear sRGB to CIE XYZ (IEC 61966-2-1); the middle row is luminance.
-RGB_TO_XYZ = np.array(
-    [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]],
-    np.float32,
-)
-
-
-def luminance(rgb: ArrayLike) -> FloatImage:
-    """Of linear sRGB in the last axis, which stays with length one."""
-    return np.asarray(rgb, np.float32) @ RGB_TO_XYZ[1:2].T
 
 
 @dataclass(frozen=True)
@@ -84,7 +72,7 @@ class Film:
         names = PIXEL_FORMATS[pixel_format or self.pixel_format]
         colour = luminance(rgb) if "Y" in names else rgb
         if "X" in names:
-            colour = rgb @ RGB_TO_XYZ.T
+            colour = rgb_to_xyz(rgb)
         if "A" not in names:
             return colour
         alpha = channels.get("A", np.ones(rgb.shape[:2], np.float32))

@@ -1,15 +1,10 @@
-"""Pictures in and out: float32 arrays of linear RGB, files by way of OpenImageIO, and error measures."""
+"""Pictures in and out: float32 arrays of linear RGB, files by way of OpenImageIO."""
 
-import hashlib
 import os
-import platform
-import secrets
 import shutil
 import tempfile
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -17,8 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, RGB_TO_XYZ, Film, FloatImage, matrix_text
-from lajolla.picture_files import PictureError, channel_names, opened, plain_name, reason
+from lajolla.colour import FloatImage, decode_srgb, encode_srgb, xyz_to_rgb
+from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, Film, matrix_text
+from lajolla.picture_files import (
+    ImageError,
+    ImageWarning,
+    PictureError,
+    channel_names,
+    opened,
+    plain_name,
+    reason,
+)
+from lajolla.whole_files import check_folder, is_device, replacing, target_of
 
 HIGH_RANGE = (".exr", ".hdr", ".pfm")
 MATRIX = (".npy", ".m")
@@ -32,14 +37,6 @@ MAX_EXPOSURE = 100.0  # stops
 MAX_HALF = 65504.0  # the largest finite 16-bit float
 MAX_UINT = 2.0**32 - 256  # the largest that float32 holds
 MAX_RGBE = float(np.float32(1.69e38))  # larger numbers wrap around in OpenImageIO's encoder
-
-
-class ImageError(Exception):
-    """A picture that cannot be read, written or compared; the message names the file and the reason."""
-
-
-class ImageWarning(UserWarning):
-    """A picture that is not written as it is; the message names the file and the reason."""
 
 
 class Image:
@@ -79,18 +76,6 @@ class Image:
             path = Path(folder) / "picture.png"
             self.save(path)
             return path.read_bytes()
-
-
-def encode_srgb(linear: ArrayLike) -> FloatImage:
-    """The sRGB transfer function (IEC 61966-2-1), of values clamped to [0, 1]."""
-    x = np.clip(np.asarray(linear, np.float32), 0, 1)
-    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055).astype(np.float32)
-
-
-def decode_srgb(encoded: ArrayLike) -> FloatImage:
-    """The inverse of `encode_srgb`, for values in [0, 1]."""
-    x = np.asarray(encoded, np.float32)
-    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
 def tone_map(linear: ArrayLike, exposure: float = 0.0, film: Film = DEFAULT_FILM) -> NDArray[np.uint8]:
@@ -158,7 +143,7 @@ def _rgb(pixels: FloatImage, names: list[str]) -> FloatImage:
     if {"R", "G", "B"} <= set(names):
         return pixels[..., [names.index(channel) for channel in "RGB"]]
     if {"X", "Y", "Z"} <= set(names):
-        return pixels[..., [names.index(channel) for channel in "XYZ"]] @ np.linalg.inv(RGB_TO_XYZ).T
+        return xyz_to_rgb(pixels[..., [names.index(channel) for channel in "XYZ"]])
     if "Y" in names:
         return np.repeat(pixels[..., [names.index("Y")]], 3, axis=2)
     return pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
@@ -175,43 +160,12 @@ def check_output(path: str | os.PathLike[str]) -> None:
     check_folder(path)
 
 
-def check_folder(path: Path) -> None:
-    """Raises ImageError when no file can be made at `path`, and nothing that is there can be written to."""
-    try:
-        target = _target(path)
-        if is_device(path):
-            if not os.access(path, os.W_OK):
-                raise ImageError(f"{path}: is not writable")
-            return
-        if not target.parent.is_dir():
-            raise ImageError(f"{path}: there is no folder {target.parent}")
-        if target.is_dir():
-            raise ImageError(f"{path}: is a folder")
-    except OSError as error:  # the name is too long
-        raise ImageError(f"{path}: {error.strerror}") from error
-    if not os.access(target.parent, os.W_OK):
-        raise ImageError(f"{path}: the folder {target.parent} is not writable")
-
-
-def _target(path: Path) -> Path:
-    """The file that a link leads to, which need not be there; the path itself where it is no link."""
-    target = Path(os.path.realpath(path))
-    if target.is_symlink():
-        raise ImageError(f"{path}: is a link that leads to itself")
-    return target
-
-
-def is_device(path: Path) -> bool:
-    """Whether this is a pipe, a terminal or the like, which is written to instead of replaced."""
-    return path.exists() and not path.is_file() and not path.is_dir()
-
-
 def check_space(path: Path, width: int, height: int, channels: int = 3) -> None:
     """Raises ImageError when the disk may be too full for a picture, which compression could make smaller."""
     ending = path.suffix.lower()
     channel = 1 if ending in LOW_RANGE else 4  # bytes
     needed = (channels if ending in HOLD_CHANNELS else 3) * width * height * channel + 65536
-    folder = tempfile.gettempdir() if is_device(path) else _target(path).parent
+    folder = tempfile.gettempdir() if is_device(path) else target_of(path).parent
     if shutil.disk_usage(folder).free < needed:
         raise ImageError(f"{path}: no space left on the disk; the picture may need {needed / 2**20:.1f} MiB")
 
@@ -312,110 +266,3 @@ def write_encoded(
         problem = reason(output, "")  # the PNG writer reports success when the disk is full
         if not done or problem:
             raise ImageError(f"{path}: cannot be written: {problem or 'unknown reason'}")
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path of the same ending that takes the place of `path` when the block succeeds.
-
-    Where there is a pipe or a device, the bytes are written to it instead. A link stays a link.
-    """
-    try:
-        target, device = _target(path), is_device(path)
-        folder = Path(tempfile.gettempdir()) if device else target.parent
-        prefix = _temporary_prefix(target)
-        _remove_abandoned(folder, prefix)
-        temporary = folder / f"{prefix}{os.getpid()}-{secrets.token_hex(4)}{path.suffix}"
-        try:
-            yield temporary
-            if device:
-                with open(temporary, "rb") as file, open(os.open(path, os.O_WRONLY), "wb") as stream:
-                    shutil.copyfileobj(file, stream)
-                return
-            with open(temporary, "rb+") as file:
-                os.fsync(file.fileno())
-            os.replace(temporary, target)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise ImageError(f"{path}: cannot be written: {error.strerror}") from error
-
-
-def _temporary_prefix(target: Path) -> str:
-    """How the names of temporary files for a target begin, where process ids mean what they mean here."""
-    origin = os.fsencode(target) + b"\0" + _process_space().encode()
-    return f".lajolla-{hashlib.blake2b(origin, digest_size=6).hexdigest()}-"
-
-
-def _process_space() -> str:
-    """What has process ids of its own: a machine since it was started, and in it a container."""
-    try:
-        return Path("/proc/sys/kernel/random/boot_id").read_text() + os.readlink("/proc/self/ns/pid")
-    except OSError:  # not Linux
-        return platform.node()
-
-
-def _remove_abandoned(folder: Path, prefix: str) -> None:
-    """Removes the temporary files of processes that were killed while they wrote, as far as it can."""
-    for left in folder.glob(f"{prefix}*"):
-        with suppress(OSError, OverflowError, ValueError):  # it is another user's, or no name of ours
-            try:
-                os.kill(int(left.name[len(prefix) :].partition("-")[0]), 0)
-            except ProcessLookupError:
-                left.unlink()
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """How far picture A is from the reference B: arrays of one value per channel (red, green, blue)."""
-
-    mean_ratio: NDArray[np.float64]
-    rmse: NDArray[np.float64]
-    relative_mse: NDArray[np.float64]
-    excluded: int  # pixels that are not finite in one of the pictures
-
-
-def compare(a: ArrayLike, b: ArrayLike, *, epsilon: float = 1e-2) -> Comparison:
-    """Compares A with the reference B, both linear RGB of one shape (height, width, 3).
-
-    relative_mse is the mean of (A - B)^2 / (B^2 + epsilon). Raises ImageError for different sizes, or when
-    no finite pixel is left.
-    """
-    x, y, finite = _comparable(a, b)
-    if not finite.any():
-        raise ImageError("no pixel is finite in both pictures")
-    x, y = x[finite], y[finite]
-    squared = (x - y) ** 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = x.mean(axis=0) / y.mean(axis=0)
-    return Comparison(
-        mean_ratio=ratio,
-        rmse=np.sqrt(squared.mean(axis=0)),
-        relative_mse=(squared / (y**2 + epsilon)).mean(axis=0),
-        excluded=int(finite.size - finite.sum()),
-    )
-
-
-def difference_picture(a: ArrayLike, b: ArrayLike, *, epsilon: float = 1e-2) -> NDArray[np.uint8]:
-    """8-bit RGB of the relative difference: red where A is brighter than B, blue where darker.
-
-    Full colour stands for a difference of half the reference; pixels that are not finite are yellow.
-    """
-    x, y, finite = _comparable(a, b)
-    x, y = np.where(finite[..., None], x, 0).mean(axis=2), np.where(finite[..., None], y, 0).mean(axis=2)
-    relative = np.clip(2 * (x - y) / np.sqrt(y**2 + epsilon), -1, 1)
-    picture = np.zeros((*relative.shape, 3))
-    picture[..., 0] = np.maximum(relative, 0)
-    picture[..., 2] = np.maximum(-relative, 0)
-    picture[~finite] = (1, 1, 0)
-    return np.rint(255 * picture).astype(np.uint8)
-
-
-def _comparable(
-    a: ArrayLike, b: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    x, y = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    if x.shape != y.shape:
-        sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (x, y)]
-        raise ImageError(f"the pictures differ in size: {sizes[0]} and {sizes[1]}")
-    return x, y, np.isfinite(x).all(axis=2) & np.isfinite(y).all(axis=2)

@@ -19,6 +19,14 @@ class PictureError(Exception):
     """A picture that OpenImageIO cannot read; the message is the reason alone."""
 
 
+class ImageError(Exception):
+    """A picture that cannot be read, written or compared; the message names the file and the reason."""
+
+
+class ImageWarning(UserWarning):
+    """A picture that is not written as it is; the message names the file and the reason."""
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[Any]:
     """The ImageInput of a picture, whose colours are not multiplied by alpha.

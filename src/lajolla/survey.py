@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lajolla import _core
-from lajolla.render import OptionError, Scene
+from lajolla.loading import Scene
+from lajolla.options import OptionError
 from lajolla.scene import SceneError
 from lajolla.scene.syntax.files import file_bytes
 

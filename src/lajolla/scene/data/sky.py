@@ -206,10 +206,6 @@ def preetham_sun(elevation: float, turbidity: float) -> Array:
     return np.maximum(integrate(wavelengths, outside * np.exp(-optical_depth), d65=False), 0)
 
 
-def luminance(rgb: Array) -> float:
-    return float(rgb @ (0.212671, 0.715160, 0.072169))
-
-
 def _pairs(text: str) -> list[tuple[float, float]]:
     numbers = [float(word) for word in text.split()]
     return list(zip(numbers[::2], numbers[1::2], strict=True))

@@ -11,16 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from lajolla.colour import xyz_to_rgb
+
 from ..syntax.errors import Diagnostics, Location, SceneError
 from ..syntax.files import file_bytes
 from ..syntax.literals import Text, checked_spectrum, parse_floats
 from ..syntax.nodes import Array, Blackbody, Rgb, Spectrum
 from .cie import ILLUMINANT_D65, OBSERVER_1931, WAVELENGTHS
 
-# CIE XYZ to linear sRGB (IEC 61966-2-1).
-XYZ_TO_SRGB = np.array(
-    [[3.240479, -1.537150, -0.498535], [-0.969256, 1.875991, 0.041556], [0.055648, -0.204043, 1.057311]]
-)
 Y_INTEGRAL = 106.7502593994140625  # of the observer's y over the steps below
 D65_NORMALIZATION = 98.99741751876255  # makes illuminant D65 a luminance of one
 STEPS = 1000  # of the sum over wavelengths; the same as Mitsuba's, because its numbers are the goal
@@ -47,7 +45,7 @@ def integrate(wavelengths: Array, values: Array, *, d65: bool) -> Array:
         spectrum = spectrum * np.interp(at, WAVELENGTHS, ILLUMINANT_D65) / D65_NORMALIZATION
     observer = np.stack([np.interp(at, WAVELENGTHS, column) for column in OBSERVER_1931.T])
     xyz = observer @ spectrum * (WAVELENGTHS[-1] - WAVELENGTHS[0]) / (Y_INTEGRAL * STEPS)
-    return XYZ_TO_SRGB @ xyz
+    return xyz_to_rgb(xyz)
 
 
 def blackbody(emitted: Blackbody) -> Array:

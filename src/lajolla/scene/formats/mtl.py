@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lajolla.colour import decode_srgb
+
 from ..syntax.errors import Diagnostics, Location, SceneError
 from ..syntax.files import file_bytes, find_file
-from ..syntax.literals import srgb_to_linear
 from ..syntax.nodes import Node, Property, Rgb, Value
 
 BLACK = Rgb((0.0, 0.0, 0.0))
@@ -127,7 +128,8 @@ def _number(text: str) -> float:
 
 def _colour(text: str) -> Rgb:
     """Colours are sRGB, as in Mitsuba 0.6; above 1 they are clamped."""
-    red, green, blue = (srgb_to_linear(min(max(_number(v), 0.0), 1.0)) for v in text.split()[:3])
+    encoded = [min(max(_number(word), 0.0), 1.0) for word in text.split()[:3]]
+    red, green, blue = decode_srgb(encoded).tolist()
     return Rgb((red, green, blue))
 
 

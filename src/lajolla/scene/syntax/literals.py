@@ -7,6 +7,8 @@ import re
 from dataclasses import dataclass
 from itertools import pairwise
 
+from lajolla.colour import decode_srgb
+
 from .errors import Location, SceneError
 from .nodes import Blackbody, Rgb, Spectrum
 
@@ -75,13 +77,8 @@ def parse_rgb(text: Text, *, srgb: bool) -> Rgb:
     else:
         values = parse_floats(text, (1, 3))
         values = values * 3 if len(values) == 1 else values
-    red, green, blue = map(srgb_to_linear, values) if srgb else values
+    red, green, blue = decode_srgb(values).tolist() if srgb else values
     return Rgb((red, green, blue))
-
-
-def srgb_to_linear(value: float) -> float:
-    """The transfer function of IEC 61966-2-1."""
-    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
 
 
 def parse_spectrum(text: Text) -> Spectrum | Rgb:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lajolla.colour import luminance
+
 from ...data.sky import (
     SUN_DIAMETER,
     Moment,
     hosek_sun,
-    luminance,
     map_height,
     preetham_sun,
     sky_map,
@@ -139,7 +140,7 @@ def in_words_of_mitsuba3(builder: Builder, node: Node, values: dict[str, Any]) -
     turbidity, scale, elevation = values.get("turbidity", 3.0), values.get("scale", 1.0), math.asin(sun[1])
     sun_scale, sky_scale = (values.get(name, scale) for name in ("sun_scale", "sky_scale"))
     if values.get("sun_model") == "preetham":
-        old, new = (luminance(model(elevation, turbidity)) for model in (preetham_sun, hosek_sun))
+        old, new = (float(luminance(model(elevation, turbidity))[0]) for model in (preetham_sun, hosek_sun))
         sun_scale *= old / new if new > 0 else 0.0
     return {
         "to_world": to_world @ np.linalg.inv(Z_UP),

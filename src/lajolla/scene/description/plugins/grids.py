@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lajolla.colour import luminance
+
 from ...formats.images import is_integer_file, read_pixels
 from ...schema import CHILDREN, Field, Plugin
 from ...syntax.errors import SceneError
@@ -18,7 +20,6 @@ if TYPE_CHECKING:
     from ..builder import Builder
 
 CELL = 24  # bytes of two triangles, which a pixel becomes
-LUMINANCE = (0.212671, 0.715160, 0.072169)
 
 
 def _heightfield(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
@@ -50,7 +51,7 @@ def _heights(builder: Builder, owner: Node) -> Array:
     elif pixels.dtype == np.uint8:
         pixels = pixels / 255
     heights = np.asarray(pixels, float)
-    heights = heights @ LUMINANCE if heights.shape[2] == 3 else heights[..., 0]
+    heights = luminance(heights)[..., 0] if heights.shape[2] == 3 else heights[..., 0]
     repeats = [2 if size == 1 else 1 for size in heights.shape]  # at least two samples each way
     return np.repeat(np.repeat(heights, repeats[0], 0), repeats[1], 1)
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lajolla.colour import decode_srgb
+
 from ...formats.images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
 from ...schema import Content, Field, Plugin
 from ...syntax.errors import SceneError
@@ -55,7 +57,7 @@ def decode(pixels: Pixels, gamma: float = -1.0) -> Pixels:
     v = np.asarray(pixels, np.float32) / (255 if pixels.dtype == np.uint8 else 1)
     if gamma > 0:
         return np.power(v, gamma, dtype=np.float32)
-    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return decode_srgb(v)
 
 
 CHANNELS = {1: "y", 2: "ya", 3: "rgb", 4: "rgba"}  # of an array, by their number

@@ -1,0 +1,178 @@
+"""Scenes from files or dicts, ready to be rendered."""
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lajolla import _core
+from lajolla.image import Image
+from lajolla.options import (
+    MAX_SAMPLES,
+    MAX_SEED,
+    MAX_SIZE,
+    OptionError,
+    Options,
+    apply_options,
+    check_range,
+    suggestion,
+)
+from lajolla.render import MAX_THREADS, Progress, Rendering, available_threads
+from lajolla.scene import Description, SceneWarning, describe, load_description
+
+
+class Scene:
+    """A scene ready to be rendered; made by `load` and `load_dict`."""
+
+    def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
+        start = time.perf_counter()
+        core = apply_options(description.core, options)
+        try:
+            self.core = _core.Scene(core)
+        except Exception as problem:
+            raise description.refusal(problem) from None
+        self.film = description.film
+        self.sensors = description.sensors  # ids, or numbers, of all that there are
+        self.warnings: list[SceneWarning] = list(description.warnings)
+        self.load_seconds = load_seconds  # reading files
+        self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
+
+    @property
+    def width(self) -> int:
+        """Of the picture, in pixels."""
+        return self.core.width
+
+    @property
+    def height(self) -> int:
+        """Of the picture, in pixels."""
+        return self.core.height
+
+    def rendering(
+        self, *, spp: int | None = None, seed: int | None = None, threads: int | None = None
+    ) -> Rendering:
+        """A Rendering to run step by step; see `render`."""
+        spp = self.core.sample_count if spp is None else spp
+        seed = self.core.seed if seed is None else seed
+        threads = available_threads() if threads is None else threads
+        check_range("spp", spp, 1, MAX_SAMPLES)
+        check_range("seed", seed, 0, MAX_SEED)
+        check_range("threads", threads, 1, MAX_THREADS)
+        return Rendering(self.core, spp=spp, seed=seed, threads=threads, film=self.film)
+
+    def render(
+        self,
+        *,
+        spp: int | None = None,
+        seed: int | None = None,
+        threads: int | None = None,
+        observe: Callable[[Progress], None] = lambda progress: None,
+    ) -> Image:
+        """Renders the picture; the same scene, spp and seed give the same picture, bit for bit.
+
+        Args:
+            spp: samples per pixel; the scene's own number by default.
+            seed: of the sampler; the scene's own by default.
+            threads: all that this process may use by default.
+            observe: is told the progress about ten times a second.
+        """
+        rendering = self.rendering(spp=spp, seed=seed, threads=threads)
+        rendering.run(observe)
+        return rendering.image()
+
+    def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
+        """What one sample of pixel (x, y) adds, or the mean of all samples: three numbers, float64.
+
+        The pixel is counted from the film's corner, whatever the crop window. Unlike in a picture, values
+        that are not finite stay what they are. Raises OptionError outside of the picture.
+        """
+        check_range("x", x, 0, MAX_SIZE)
+        check_range("y", y, 0, MAX_SIZE)
+        left, top = self.core.crop_offset
+        if not (left <= x < left + self.width and top <= y < top + self.height):
+            begin = f", which begins at {left},{top}" if left or top else ""
+            raise OptionError(f"pixel {x},{y} is outside of the picture, {self.width} x {self.height}{begin}")
+        seed = self.core.seed if seed is None else seed
+        check_range("seed", seed, 0, MAX_SEED)
+        check_range("sample", sample, 0, MAX_SAMPLES - 1)
+        samples = range(self.core.sample_count) if sample is None else [sample]
+        values = [_core.sample_radiance(self.core, seed, x, y, index) for index in samples]
+        return np.mean(np.asarray(values, np.float64), axis=0)
+
+
+def load(
+    path: str | os.PathLike[str],
+    *,
+    strict: bool = False,
+    two_sided: bool = False,
+    parameters: Mapping[str, object] | None = None,
+    **options: Any,  # noqa: ANN401
+) -> Scene:
+    """Opens a Mitsuba scene file.
+
+    Args:
+        path: the XML file.
+        strict: makes unknown plugins and properties errors.
+        two_sided: lets opaque surfaces reflect on both sides.
+        parameters: values of the file's `$name` parameters.
+        options: the fields of `Options` (spp, size, crop, seed, integrator, max_depth, sensor); any other
+            name is a parameter.
+
+    Raises:
+        SceneError: something is wrong with the scene; the message tells where.
+        OptionError: an option does not fit the scene.
+    """
+    own, extra = _split_options(options)
+    texts = {name: _as_text(value) for name, value in {**extra, **(parameters or {})}.items()}
+    start = time.perf_counter()
+    description = load_description(
+        Path(path),
+        parameters=texts,
+        strict=strict,
+        two_sided=two_sided,
+        integrator=own.integrator,
+        sensor=own.sensor,
+    )
+    return Scene(description, own, time.perf_counter() - start)
+
+
+def load_dict(
+    scene: Mapping[str, Any],
+    *,
+    base_path: str | os.PathLike[str] | None = None,
+    strict: bool = False,
+    two_sided: bool = False,
+    **options: Any,  # noqa: ANN401
+) -> Scene:
+    """Opens a scene given as nested dicts, in the form of Mitsuba 3's `load_dict`; see `load`.
+
+    Relative file names in it belong to `base_path`, or else to the current folder.
+    """
+    own, unknown = _split_options(options)
+    if unknown:
+        name = next(iter(unknown))
+        raise TypeError(f"load_dict() has no option {name!r}{suggestion(name, vars(own))}")
+    start = time.perf_counter()
+    folder = None if base_path is None else Path(base_path)
+    description = describe(
+        scene,
+        base_path=folder,
+        strict=strict,
+        two_sided=two_sided,
+        integrator=own.integrator,
+        sensor=own.sensor,
+    )
+    return Scene(description, own, time.perf_counter() - start)
+
+
+def _split_options(options: Mapping[str, Any]) -> tuple[Options, dict[str, Any]]:
+    known = vars(Options())
+    extra = {name: value for name, value in options.items() if name not in known}
+    return Options(**{name: value for name, value in options.items() if name in known}), extra
+
+
+def _as_text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,111 @@
+"""What a caller sets beside a scene, and what it makes of the description."""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, SupportsIndex
+
+from lajolla.scene import core_schema, plugins_by_kind
+
+MAX_SAMPLES = 2**30  # as in the core
+MAX_SEED = 2**32 - 1
+MAX_SIZE = 65536
+MAX_INTEGER = 2**31 - 1
+
+
+class OptionError(ValueError):
+    """A render option that does not fit the scene."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a caller sets beside the scene; None leaves the scene's own value."""
+
+    spp: int | None = None  # samples per pixel
+    size: tuple[int, int] | None = None  # width, height in pixels; drops the scene's crop window
+    crop: tuple[int, int, int, int] | None = None  # x, y, width, height in pixels
+    seed: int | None = None
+    integrator: str | None = None  # keeps the parameters in the scene that the new one has too
+    max_depth: int | None = None  # -1: unlimited, 1: emitters alone, 2: direct light
+    sensor: int | str | None = None  # which one of several, by its number from 0 or its id
+
+    def __post_init__(self) -> None:
+        """Raises OptionError for values that no scene can have."""
+        check_range("spp", self.spp, 1, MAX_SAMPLES)
+        check_range("seed", self.seed, 0, MAX_SEED)
+        check_range("max_depth", self.max_depth, -1, MAX_INTEGER)
+        _check_window("size", self.size, (1, 1), MAX_SIZE)
+        _check_window("crop", self.crop, (0, 0, 1, 1), MAX_SIZE)
+        if self.sensor is not None and not isinstance(self.sensor, str):
+            check_range("sensor", self.sensor, 0, MAX_INTEGER)
+        if self.integrator is None:
+            return
+        integrators = [plugin.name for plugin in plugins_by_kind()["integrator"].values()]
+        if self.integrator not in integrators:
+            raise OptionError(
+                f"there is no integrator {self.integrator!r}{suggestion(str(self.integrator), integrators)}"
+            )
+
+
+def check_range(name: str, value: int | None, lowest: int, highest: int) -> None:
+    """Whole numbers of any type pass, and None, which stands for the scene's own value."""
+    if value is None:
+        return
+    if isinstance(value, bool) or not isinstance(value, SupportsIndex):
+        raise OptionError(f"{name} must be a whole number, not {value!r}")
+    if not lowest <= value <= highest:
+        raise OptionError(f"{name} must be in {lowest} to {highest}, not {value}")
+
+
+def _check_window(name: str, values: Sequence[int] | None, lowest: Sequence[int], highest: int) -> None:
+    if values is None:
+        return
+    if not isinstance(values, Sequence) or len(values) != len(lowest):
+        raise OptionError(f"{name} must be {len(lowest)} whole numbers, not {values!r}")
+    for value, low in zip(values, lowest, strict=True):
+        check_range(name, value, low, highest)
+
+
+def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
+    """The description with the options in place of the scene's own values. Raises OptionError.
+
+    Another integrator or sensor is not among them: they are chosen when the scene is read.
+    """
+    result = dict(core)
+    result["sampler"] = _with(core["sampler"], sample_count=options.spp, seed=options.seed)
+    film = dict(core["film"])
+    if options.size is not None:
+        film = {key: value for key, value in film.items() if not key.startswith("crop_")}
+        film["width"], film["height"] = options.size
+    if options.crop is not None:
+        film.update(_crop_fields(options.crop, film))
+    result["film"] = film
+    result["integrator"] = _integrator(core["integrator"], options)
+    return result
+
+
+def _with(entry: Mapping[str, Any], **values: int | None) -> dict[str, Any]:
+    return {**entry, **{key: value for key, value in values.items() if value is not None}}
+
+
+def _crop_fields(crop: tuple[int, int, int, int], film: Mapping[str, Any]) -> dict[str, int]:
+    x, y, width, height = crop
+    if x < 0 or y < 0 or x + width > film["width"] or y + height > film["height"]:
+        raise OptionError(
+            f"the crop window {x},{y},{width},{height} (x, y, width, height) reaches outside of the film, "
+            f"{film['width']} x {film['height']}"
+        )
+    return {"crop_offset_x": x, "crop_offset_y": y, "crop_width": width, "crop_height": height}
+
+
+def _integrator(entry: Mapping[str, Any], options: Options) -> dict[str, Any]:
+    fields = {field["name"] for field in core_schema()["integrator"][entry["type"]]["fields"]}
+    if options.max_depth is not None and "max_depth" not in fields:
+        raise OptionError(f"the integrator {entry['type']!r} has no max_depth")
+    return _with(entry, max_depth=options.max_depth)
+
+
+def suggestion(name: str, known: Mapping[str, Any] | list[str]) -> str:
+    """'; did you mean ...?' or the list of what there is."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else f"; there is {', '.join(known)}"

@@ -1,0 +1,95 @@
+"""Files that appear whole or not at all."""
+
+import hashlib
+import os
+import platform
+import secrets
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from lajolla.picture_files import ImageError
+
+
+def check_folder(path: Path) -> None:
+    """Raises ImageError when no file can be made at `path`, and nothing that is there can be written to."""
+    try:
+        target = target_of(path)
+        if is_device(path):
+            if not os.access(path, os.W_OK):
+                raise ImageError(f"{path}: is not writable")
+            return
+        if not target.parent.is_dir():
+            raise ImageError(f"{path}: there is no folder {target.parent}")
+        if target.is_dir():
+            raise ImageError(f"{path}: is a folder")
+    except OSError as error:  # the name is too long
+        raise ImageError(f"{path}: {error.strerror}") from error
+    if not os.access(target.parent, os.W_OK):
+        raise ImageError(f"{path}: the folder {target.parent} is not writable")
+
+
+def target_of(path: Path) -> Path:
+    """The file that a link leads to, which need not be there; the path itself where it is no link."""
+    target = Path(os.path.realpath(path))
+    if target.is_symlink():
+        raise ImageError(f"{path}: is a link that leads to itself")
+    return target
+
+
+def is_device(path: Path) -> bool:
+    """Whether this is a pipe, a terminal or the like, which is written to instead of replaced."""
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path of the same ending that takes the place of `path` when the block succeeds.
+
+    Where there is a pipe or a device, the bytes are written to it instead. A link stays a link.
+    """
+    try:
+        target, device = target_of(path), is_device(path)
+        folder = Path(tempfile.gettempdir()) if device else target.parent
+        prefix = _temporary_prefix(target)
+        _remove_abandoned(folder, prefix)
+        temporary = folder / f"{prefix}{os.getpid()}-{secrets.token_hex(4)}{path.suffix}"
+        try:
+            yield temporary
+            if device:
+                with open(temporary, "rb") as file, open(os.open(path, os.O_WRONLY), "wb") as stream:
+                    shutil.copyfileobj(file, stream)
+                return
+            with open(temporary, "rb+") as file:
+                os.fsync(file.fileno())
+            os.replace(temporary, target)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _temporary_prefix(target: Path) -> str:
+    """How the names of temporary files for a target begin, where process ids mean what they mean here."""
+    origin = os.fsencode(target) + b"\0" + _process_space().encode()
+    return f".lajolla-{hashlib.blake2b(origin, digest_size=6).hexdigest()}-"
+
+
+def _process_space() -> str:
+    """What has process ids of its own: a machine since it was started, and in it a container."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text() + os.readlink("/proc/self/ns/pid")
+    except OSError:  # not Linux
+        return platform.node()
+
+
+def _remove_abandoned(folder: Path, prefix: str) -> None:
+    """Removes the temporary files of processes that were killed while they wrote, as far as it can."""
+    for left in folder.glob(f"{prefix}*"):
+        with suppress(OSError, OverflowError, ValueError):  # it is another user's, or no name of ours
+            try:
+                os.kill(int(left.name[len(prefix) :].partition("-")[0]), 0)
+            except ProcessLookupError:
+                left.unlink()
