@@ -20,6 +20,9 @@ CLEAR += ("polarizer", "retarder", "circular")  # these stay without a coat
 DIFFUSE = {"diffuse": "reflectance", "plastic": "diffuse_reflectance", "roughplastic": "diffuse_reflectance"}
 SHARED = ("int_ior", "ext_ior", "specular_reflectance", "alpha", "distribution")  # with plastic
 STEPS = 1024
+# Roughness of mirrors beside other lobes: where one has a probability and the other a density, Mitsuba's
+# blendbsdf adds the two up.
+SMOOTH = 0.005
 
 
 def coating(translator: Translator, read: Node, node: Node) -> Node | None:
@@ -49,6 +52,10 @@ def _coated(translator: Translator, coat: Node, inner: Node) -> Node:
     if _absorbs(coat):
         translator.lose("sigma_a")
     reflected = _mean_reflectance(_eta(coat))
+    if inner.plugin == "conductor":
+        rough = Node("bsdf", "roughconductor", inner.location, inner.location)
+        rough.properties = inner.properties
+        inner = having(rough, alpha=SMOOTH)
     passed = _blend(coat, inner, _black(coat), reflected)  # the other half of the way
     return _blend(coat, passed, _mirror(coat), reflected)
 
@@ -75,10 +82,10 @@ def _shiny(coat: Node) -> Node:
 
 
 def _mirror(coat: Node) -> Node:
-    rough = coat.plugin == "roughcoating"
-    mirror = Node("bsdf", "roughconductor" if rough else "conductor", coat.location, coat.location)
+    mirror = Node("bsdf", "roughconductor", coat.location, coat.location)
     mirror.properties = [p for p in coat.properties if p.name in SHARED and not p.name.endswith("_ior")]
-    return having(mirror, material="none")
+    alpha = {} if coat.plugin == "roughcoating" else {"alpha": SMOOTH}
+    return having(mirror, material="none", **alpha)
 
 
 def _black(coat: Node) -> Node:
