@@ -1,6 +1,7 @@
 """Coatings in the words of Mitsuba 3, which has none: plastic, or a mirror on part of what is inside.
 
-As here (`core/scatter/coating.h`), light that the layer reflects back to its base is lost.
+As here (`core/scatter/coating.h`), light that the layer reflects back to its base is lost. A mean share is
+taken away, for any direction; around a rough base more is lost at grazing angles, hence BRIGHTER.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ..syntax.nodes import Node, Property, Rgb, Value
+from ..syntax.nodes import Node, Property, Rgb, Value, below
 from .plugins import having, holding, like, named
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ STEPS = 1024
 # Roughness of mirrors beside other lobes: where one has a probability and the other a density, Mitsuba's
 # blendbsdf adds the two up.
 SMOOTH = 0.005
+BRIGHTER = "too bright around rough metal: under an even sky by 8 % at roughness 0.1, by 30 % at 0.3"
 
 
 def coating(translator: Translator, read: Node, node: Node) -> Node | None:
@@ -32,7 +34,8 @@ def coating(translator: Translator, read: Node, node: Node) -> Node | None:
         translator.replaced(node, "it is left out")
         return None
     coated = _coated(translator, node, inner)
-    translator.replaced(node, f'"{coated.plugin}" is written')
+    rough = any(base.plugin == "roughconductor" for base in (inner, *below([inner])))
+    translator.replaced(node, f'"{coated.plugin}" is written' + (f", {BRIGHTER}" if rough else ""))
     return named(coated, node.id)
 
 
