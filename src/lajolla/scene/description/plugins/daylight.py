@@ -140,8 +140,16 @@ def in_words_of_mitsuba3(builder: Builder, node: Node, values: dict[str, Any]) -
     turbidity, scale, elevation = values.get("turbidity", 3.0), values.get("scale", 1.0), math.asin(sun[1])
     sun_scale, sky_scale = (values.get(name, scale) for name in ("sun_scale", "sky_scale"))
     if values.get("sun_model") == "preetham":
-        old, new = (float(luminance(model(elevation, turbidity))[0]) for model in (preetham_sun, hosek_sun))
-        sun_scale *= old / new if new > 0 else 0.0
+        old, new = (model(elevation, turbidity) for model in (preetham_sun, hosek_sun))
+        as_bright = float(luminance(old)[0] / max(luminance(new)[0], 1e-30))
+        sun_scale *= as_bright
+        if sun_scale > 0 and node.plugin != "sky":
+            red, green, blue = (f"{v:+.0%}" for v in as_bright * new / np.maximum(old, 1e-30) - 1)
+            builder.diagnostics.warn(
+                f"Mitsuba 3 has another model of the sun, scaled to the same luminance: "
+                f"red {red}, green {green}, blue {blue}",
+                node.location,
+            )
     return {
         "to_world": to_world @ np.linalg.inv(Z_UP),
         "sun_direction": Vector(tuple(float(v) for v in to_world[:3, :3] @ sun)),
