@@ -126,9 +126,9 @@ def test_pixel(capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("", "which command? There is render, check, convert, compare, list"),
+        ("", "a command is required: render, check, convert, compare, list"),
         ("rendr room.xml", "unknown command 'rendr'; did you mean 'render'?"),
-        ("room.xml", "Perhaps: lajolla render room.xml"),
+        ("room.xml", "did you mean: lajolla render room.xml"),
         ("test", "./lajolla test"),
         ("render", "required: SCENE"),
         ("render room.xml --sp 3", "unknown option '--sp'; did you mean --spp?"),
@@ -147,21 +147,21 @@ def test_pixel(capsys: Capture) -> None:
         ("render room.xml --seed 99999999999", "seed must be in 0 to 4294967295, not 99999999999"),
         ("render room.xml --size 99999999x1", "size must be in 1 to 65536, not 99999999"),
         ("render room.xml --pixel 16,0", "pixel 16,0 is outside of the picture, 16 x 12"),
-        ("render room.xml --integrator pth", "no integrator 'pth'; did you mean 'path'?"),
+        ("render room.xml --integrator pth", "unknown integrator 'pth'; did you mean 'path'?"),
         (
             "render room.xml -o a.tif",
             "a.tif: the format follows from the file's ending, which is one of .exr",
         ),
-        ("render room.xml -o missing/a.exr", "there is no folder"),
-        ("render room.xml --stats missing/s.json", "there is no folder"),
+        ("render room.xml -o missing/a.exr", "does not exist"),
+        ("render room.xml --stats missing/s.json", "does not exist"),
         ("render missing.xml", "missing.xml"),
         ("check missing.xml", "missing.xml"),
         ("compare a.exr room.xml", "a.exr: no such file"),
         ("compare /dev/null room.xml", "/dev/null: not a file"),
         ("compare room.xml room.xml", "room.xml: cannot be read as a picture"),
         ("compare a.exr b.exr --diff d.exr", "PNG or JPEG"),
-        ("list bsfd", "no kind 'bsfd' of plugins; did you mean 'bsdf'?"),
-        ("list bsdf difuse", "no bsdf 'difuse'; did you mean 'diffuse'?"),
+        ("list bsfd", "unknown kind 'bsfd' of plugins; did you mean 'bsdf'?"),
+        ("list bsdf difuse", "unknown bsdf 'difuse'; did you mean 'diffuse'?"),
     ],
 )
 def test_mistakes_get_one_clear_message(words: str, message: str, capsys: Capture) -> None:
@@ -428,4 +428,4 @@ def test_list_shows_what_is_required(capsys: Capture) -> None:
     assert cli.main(["list", "texture", "regular"]) == 0
     assert "830" not in capsys.readouterr().out
     assert cli.main(["list", "sensor", "perspective"]) == 0
-    assert "counts where neither is given" in capsys.readouterr().out
+    assert "default if neither is given" in capsys.readouterr().out

@@ -244,8 +244,8 @@ TEXTURE = '<texture type="checkerboard"/>'
 SMALL = '<integer name="width" value="8"/><integer name="height" value="8"/>'
 REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is told of it
     "aperture": ('<sensor type="thinlens"><film type="hdrfilm"/></sensor>', ""),
-    "two bsdfs": (CAMERA + SPHERE % (RED + '<bsdf type="dielectric"/>'), "only this one counts"),
-    "unnamed texture": (CAMERA + SPHERE % f'<bsdf type="diffuse">{TEXTURE}</bsdf>', "has no use for"),
+    "two bsdfs": (CAMERA + SPHERE % (RED + '<bsdf type="dielectric"/>'), "only this one is used"),
+    "unnamed texture": (CAMERA + SPHERE % f'<bsdf type="diffuse">{TEXTURE}</bsdf>', "does not support"),
     "colours": (
         CAMERA
         + SPHERE
@@ -301,7 +301,7 @@ REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is t
     ),
     "missing file": (
         CAMERA + SPHERE % '<bsdf type="measured"><string name="filename" value="x.bsdf"/></bsdf>',
-        "is left out",
+        "is ignored",
     ),
 }
 
@@ -513,7 +513,7 @@ def test_coatings_stay_as_near_as_they_can(case: str, layer: str, tmp_path: Path
         f'<scene version="3.0.0"><integrator type="path"/>{view}<emitter type="constant"/>{shape}</scene>'
     )
     told = " ".join(warning.message for warning in convert(path, target).warnings)
-    assert f'Mitsuba 3 has no bsdf "{layer}"; ' in told
+    assert f'Mitsuba 3 does not support bsdf "{layer}"; ' in told
     assert cli.main(["convert", str(path), str(target)]) == 0
     mitsuba = pytest.importorskip("mitsuba")
     mitsuba.set_variant(default_variant())

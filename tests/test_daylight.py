@@ -188,7 +188,7 @@ def test_old_files_without_a_light_get_sun_and_sky(tmp_path: Path) -> None:
 def test_beams_without_width_are_told(tmp_path: Path) -> None:
     description = read(tmp_path, '<emitter type="collimated"/>', "0.6.0")
     assert not description.core["emitters"]
-    assert any("no path finds" in line for line in messages(description, tmp_path))
+    assert any("no path can hit" in line for line in messages(description, tmp_path))
 
 
 @pytest.mark.parametrize("plugin", ["sky", "sun", "sunsky"])

@@ -281,7 +281,7 @@ def test_a_medium_without_its_file_is_left_out(tmp_path: Path) -> None:
     body = SHAPE.format('type="heterogeneous">' + GRID.format("sigma_t", "nowhere.vol", ""))
     description = read(tmp_path, body)
     assert description.core["media"] == [] and description.core["shapes"][0]["interior"] == -1
-    assert any("nowhere.vol" in line and "is left out" in line for line in messages(description, tmp_path))
+    assert any("nowhere.vol" in line and "is ignored" in line for line in messages(description, tmp_path))
 
 
 def test_voxels_that_are_not_finite_are_zero(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def test_the_colour_of_a_metal_is_kept(version: str, tmp_path: Path) -> None:
     entry = description.core["bsdfs"][0]
     assert entry["specular_reflectance"] == (0.9, 0.6, 0.3)
     assert (entry["eta"], entry["k"], entry["multiscatter"]) == ((0.0,) * 3, (1.0,) * 3, True)
-    assert lines == ['there is no bsdf "roughconductorGGX"; "roughconductor" is used']
+    assert lines == ['unknown bsdf "roughconductorGGX"; "roughconductor" is used']
 
 
 def test_scattering_once_is_without_what_comes_after(tmp_path: Path) -> None:
@@ -127,15 +127,15 @@ def test_a_container_is_never_replaced_by_something_unrelated(kind: str, tmp_pat
                 '<bsdf type="hk"><float name="thickness" value="2"/><boolean name="sample_visible" '
                 'value="true"/><medium type="homogeneous" name="interior"/></bsdf>'
             ),
-            'there is no bsdf "hk"; "diffuse" is used, without "thickness", "interior"',
+            'unknown bsdf "hk"; "diffuse" is used, without "thickness", "interior"',
         ),
         (
             SPHERE.format('<bsdf type="pplastic"><float name="alpha" value="0.2"/></bsdf>'),
-            'there is no bsdf "pplastic"; "roughplastic" is used',
+            'unknown bsdf "pplastic"; "roughplastic" is used',
         ),
         (
             '<emitter type="surround"><float name="power" value="2"/><emitter type="point"/></emitter>',
-            'there is no emitter "surround"; the emitter "point" inside it is used, without "power"',
+            'unknown emitter "surround"; the emitter "point" inside it is used, without "power"',
         ),
     ],
 )
@@ -172,5 +172,5 @@ def test_direct_light_projected_is_direct_light(tmp_path: Path) -> None:
     description = load_description(path)
     assert description.core["integrator"]["type"] == "direct"
     assert [w.message for w in description.warnings] == [
-        'there is no integrator "direct_projective"; "direct" is used'
+        'unknown integrator "direct_projective"; "direct" is used'
     ]

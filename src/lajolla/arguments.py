@@ -58,7 +58,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     if unknown:
         commands.get(arguments.command, parser).refuse_unknown(unknown)
     if arguments.command is None:
-        parser.error("which command? There is " + ", ".join(commands))
+        parser.error("a command is required: " + ", ".join(commands))
     if arguments.command == "render":
         _check_render(arguments, commands["render"])
     return arguments
@@ -68,14 +68,14 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
     if arguments.sample is not None and arguments.pixel is None:
         parser.error("--sample needs --pixel")
     if arguments.all_sensors and (arguments.sensor is not None or arguments.pixel is not None):
-        parser.error("--all-sensors goes with neither --sensor nor --pixel")
+        parser.error("--all-sensors cannot be combined with --sensor or --pixel")
 
 
 def _refuse_command(word: str, commands: list[str]) -> NoReturn:
     if word == "test":
         raise UsageError("'test' belongs to a checkout of the source code: ./lajolla test")
     if word.lower().endswith(".xml"):
-        raise UsageError(f"which command? Perhaps: lajolla render {shlex.quote(word)}")
+        raise UsageError(f"a command is required; did you mean: lajolla render {shlex.quote(word)}")
     near = difflib.get_close_matches(word, commands, n=1)
     hint = f"did you mean {near[0]!r}?" if near else "there is " + ", ".join(commands)
     raise UsageError(f"unknown command {word!r}; {hint}")

@@ -331,7 +331,7 @@ def command_compare(arguments: argparse.Namespace) -> int:
     ):
         print(f"{name:12}  " + "  ".join(f"{value:12.6g}" for value in values))
     if result.excluded:
-        say(f"warning: {result.excluded} pixels are not finite and were left out")
+        say(f"warning: {result.excluded} pixels are not finite and were excluded")
     if arguments.diff is not None:
         lajolla.image.write_encoded(arguments.diff, lajolla.comparison.difference_picture(a, b))
     return 0

@@ -43,7 +43,7 @@ class Options:
         integrators = [plugin.name for plugin in plugins_by_kind()["integrator"].values()]
         if self.integrator not in integrators:
             raise OptionError(
-                f"there is no integrator {self.integrator!r}{suggestion(str(self.integrator), integrators)}"
+                f"unknown integrator {self.integrator!r}{suggestion(str(self.integrator), integrators)}"
             )
 
 

@@ -22,7 +22,7 @@ def check_folder(path: Path) -> None:
                 raise ImageError(f"{path}: is not writable")
             return
         if not target.parent.is_dir():
-            raise ImageError(f"{path}: there is no folder {target.parent}")
+            raise ImageError(f"{path}: the folder {target.parent} does not exist")
         if target.is_dir():
             raise ImageError(f"{path}: is a folder")
     except OSError as error:  # the name is too long

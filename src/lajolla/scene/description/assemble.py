@@ -98,7 +98,7 @@ def _only(builder: Builder, parent: Node, kind: str) -> Node | None:
     """The one child of a kind; of several the first."""
     found = parent.outermost(kind)
     if len(found) > 1:
-        message = f"{parent.kind} has {len(found)} of kind {kind}; only this one counts"
+        message = f"{parent.kind} has {len(found)} of kind {kind}; only this one is used"
         builder.diagnostics.warn(message, found[0].location)
     return found[0] if found else None
 
@@ -178,13 +178,13 @@ def _warn_of_missing_attributes(builder: Builder) -> None:
 def _media(builder: Builder, shape: Node) -> dict[str, int]:
     """The media on either side of a shape, by index."""
     for prop, _ in shape.children("subsurface"):
-        builder.diagnostics.unknown("subsurface is not supported and left out", prop.location)
+        builder.diagnostics.unknown("subsurface scattering is not supported; it is ignored", prop.location)
     sides: dict[str, int] = {}
     for prop, node in shape.children("medium"):
         if prop.name in ("interior", "exterior"):
             sides[prop.name] = builder.index(node)
         else:
-            message = f'{node} of {shape} must be named "interior" or "exterior"; it is left out'
+            message = f'{node} of {shape} must be named "interior" or "exterior"; it is ignored'
             builder.diagnostics.unknown(message, prop.name_location)
     return sides
 
@@ -201,13 +201,13 @@ def _warn_of_unused_area_lights(builder: Builder, scene: Node) -> None:
     used = set(below(shape for _, shape in scene.children("shape"))) if lights else set()
     for node in lights:
         if node not in used:
-            builder.diagnostics.warn(f"no shape refers to {node}; it does not shine", node.location)
+            builder.diagnostics.warn(f"no shape refers to {node}; it emits no light", node.location)
 
 
 def _warn_of_several_environments(builder: Builder, scene: Node) -> None:
     found = [n for _, n in scene.children("emitter") if n.plugin.lower() in ENVIRONMENTS]
     if len(found) > 1 and scene.version >= (2, 0, 0):
-        builder.diagnostics.warn("several lights around the scene: they add up", found[1].location)
+        builder.diagnostics.warn("several environment lights: they add up", found[1].location)
 
 
 def _add_missing_light(builder: Builder, scene: Node) -> None:
@@ -250,7 +250,7 @@ def _add_part(builder: Builder, node: Node, entry: dict[str, Any], bsdf: Node | 
     """Adds one shape of the description, with its light, its media and its material."""
     emitter = -1 if entry["type"] in NEVER_LIGHTS else _area_light(builder, node)
     if entry["type"] in NEVER_LIGHTS and any(True for _ in node.children("emitter")):
-        builder.diagnostics.warn(f"{node} cannot be a light; it does not shine", node.location)
+        builder.diagnostics.warn(f"{node} cannot be a light; it emits no light", node.location)
     material = builder.add_material(_material(builder, node, bsdf, emits=emitter >= 0), node)
     entry |= {"material": material, "emitter": emitter, **_media(builder, node)}
     return builder.add("shapes", entry, node)
@@ -262,7 +262,7 @@ def _area_light(builder: Builder, shape: Node) -> int:
     if node is None:
         return -1
     if node.plugin.lower() != "area":
-        builder.diagnostics.unknown(f"{node} cannot stand inside a shape and is left out", node.location)
+        builder.diagnostics.unknown(f"{node} is not allowed inside a shape; it is ignored", node.location)
         return -1
     return builder.add("emitters", builder.construct(node), node)
 

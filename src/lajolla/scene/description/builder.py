@@ -181,7 +181,7 @@ class Builder:
         except MissingFile as problem:
             if node.kind not in DISPENSABLE:
                 raise
-            self.diagnostics.unknown(f"{problem.message}; {node} is left out", problem.location)
+            self.diagnostics.unknown(f"{problem.message}; {node} is ignored", problem.location)
             return None
 
     def known(self, node: Node) -> Node | None:
@@ -193,7 +193,7 @@ class Builder:
         name = substitute_for(node, names, nested)
         if name is DROPPED:
             hint = did_you_mean(node.plugin, names, limit=0)
-            self._tell_substitute(node, f"it is left out{hint}")
+            self._tell_substitute(node, f"it is ignored{hint}")
             return None
         if name is NESTED and nested is not None:
             lost = [prop for prop in node.properties if prop.value is not nested]
@@ -215,7 +215,7 @@ class Builder:
         names = [f'"{p.name}"' if p.name else f"the {p.value}" for p in lost if p.name not in harmless]
         without = f", without {', '.join(names)}" if names else ""
         if node.plugin:
-            self.diagnostics.unknown(f"there is no {node}; {used}{without}", node.plugin_location)
+            self.diagnostics.unknown(f"unknown {node}; {used}{without}", node.plugin_location)
         elif names:  # that there is none was warned about
             self.diagnostics.unknown(f"{used} for the {node}{without}", node.plugin_location)
 
@@ -246,9 +246,11 @@ class Builder:
 
     def tell_unknown(self, node: Node, prop: Property, fields: Iterable[str]) -> None:
         """Tells of a property that is no field of the node's plugin."""
-        what = f'property "{prop.name}"' if prop.name else str(prop.value)
-        hint = did_you_mean(prop.name, fields) if prop.name else ""
-        self.diagnostics.unknown(f"{node} has no use for the {what}{hint}", prop.name_location)
+        if prop.name:
+            problem = f'{node} has no property "{prop.name}"{did_you_mean(prop.name, fields)}'
+        else:
+            problem = f"{node} does not support the {prop.value}"
+        self.diagnostics.unknown(problem, prop.name_location)
 
     def picture(self, node: Node) -> Picture:
         """What an integrator shows."""
@@ -286,14 +288,14 @@ class Builder:
         return self.built[node]
 
     def index(self, node: Node) -> int:
-        """The index of a phase function or a medium in its list; -1 when it is left out."""
+        """The index of a phase function or a medium in its list; -1 when it is ignored."""
         if node not in self.built:
             entry = self.construct(node)
             self.built[node] = -1 if entry is None else self.add(LISTS[node.kind], entry, node)
         return self.built[node]
 
     def slot(self, node: Node) -> Slot | None:
-        """The material slot of a bsdf; None when it is left out."""
+        """The material slot of a bsdf; None when it is ignored."""
         if node not in self.built:
             result = self.construct(node)
             self.built[node] = (

@@ -40,10 +40,10 @@ def _without_batches(sensor: Node, diagnostics: Diagnostics) -> Iterator[Node]:
     for prop in sensor.properties:
         kind = prop.value.kind if isinstance(prop.value, Node) else ""
         if kind not in ("sensor", *INHERITED) and prop.name not in HARMLESS["sensor"]:
-            diagnostics.unknown(f'{sensor} has no use for the property "{prop.name}"', prop.name_location)
+            diagnostics.unknown(f'{sensor} has no property "{prop.name}"', prop.name_location)
     for _, film in sensor.children("film"):
         if any(prop.name.startswith("crop_") for prop in film.properties):
-            diagnostics.unknown(f"the window of the {film} of {sensor} is left out", film.location)
+            diagnostics.unknown(f"the window of the {film} of {sensor} is ignored", film.location)
     for child in inner:
         yield from _without_batches(_in_batch(sensor, child, len(inner)), diagnostics)
 
@@ -102,7 +102,7 @@ def _position(scene: Node, wanted: int | str) -> int:
     if not 0 <= number < len(known):
         listed = f"; there is {', '.join(known)}" if known else "; the scene has none"
         hint = did_you_mean(str(wanted), known, limit=0) or listed
-        raise SceneError(f'there is no sensor "{wanted}"{hint}', scene.location)
+        raise SceneError(f'unknown sensor "{wanted}"{hint}', scene.location)
     return number
 
 
@@ -122,4 +122,4 @@ def tell_of_none(builder: Builder, scene: Node) -> None:
             break
     if scene.version >= (2, 0, 0):
         raise SceneError(message, place)
-    builder.diagnostics.warn(f"{message}; one that sees everything is added", place)
+    builder.diagnostics.warn(f"{message}; one that sees the whole scene is added", place)

@@ -58,7 +58,9 @@ def group_of(builder: Builder, node: Node) -> Node:
     if not groups or any(group.plugin.lower() != "shapegroup" for group in groups):
         raise SceneError(f'{node} needs a shape "shapegroup" inside, or a reference to one', node.location)
     if len(groups) > 1:
-        builder.diagnostics.warn(f"{node} has more than one shape group; the first one counts", node.location)
+        builder.diagnostics.warn(
+            f"{node} has more than one shape group; the first one is used", node.location
+        )
     return groups[0]
 
 
@@ -138,7 +140,7 @@ def _build(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
     if members:
         contents.groups.append((np.eye(4), builder.add("groups", {"shapes": members}, group)))
     if not contents.groups and not contents.lights:
-        builder.diagnostics.warn(f"{group} is empty: nothing is seen of it", group.location)
+        builder.diagnostics.warn(f"{group} is empty", group.location)
     return contents
 
 

@@ -101,7 +101,7 @@ def _choice(builder: Builder, owner: Node, prop: Property, field: Field) -> str 
     same, differs = SAME_CHOICE.get((field.name, wanted), (wanted, False))
     if differs:
         builder.diagnostics.warn(
-            f'"{wanted}" is not there for "{field.name}"; "{same}" is used', prop.location
+            f'"{wanted}" is not supported for "{field.name}"; "{same}" is used', prop.location
         )
     if same not in field.choices:
         hint = did_you_mean(wanted, field.choices)

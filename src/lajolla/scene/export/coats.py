@@ -31,7 +31,7 @@ def coating(translator: Translator, read: Node, node: Node) -> Node | None:
     """A coat on every bsdf inside. On diffuse ones it is plastic."""
     inner = next((child for _, child in node.children("bsdf")), None)
     if inner is None:
-        translator.replaced(node, "it is left out")
+        translator.replaced(node, "it is ignored")
         return None
     coated = _coated(translator, node, inner)
     rough = any(base.plugin == "roughconductor" for base in (inner, *below([inner])))

@@ -146,7 +146,7 @@ def named(node: Node, name: str) -> Node:
 
 def _inner(translator: Translator, read: Node, node: Node) -> Node | None:
     nested = next((child for _, child in node.children(node.kind)), None)
-    translator.replaced(node, f"the {nested} inside it is written" if nested else "it is left out")
+    translator.replaced(node, f"the {nested} inside it is written" if nested else "it is ignored")
     return nested
 
 
@@ -231,7 +231,7 @@ def _bitmap(translator: Translator, read: Node, node: Node) -> Node:
     filter_type = getattr(node.find("filter_type"), "value", "bilinear")
     result = having(node, filter_type="nearest" if filter_type == "nearest" else "bilinear")
     if getattr(node.find("wrap_mode"), "value", "") in ("zero", "one"):
-        translator.warn(node, f"Mitsuba 3 cannot wrap {node} so; its border is repeated")
+        translator.warn(node, f"Mitsuba 3 does not support this wrap mode of {node}; its border is repeated")
         result = having(result, wrap_mode="clamp")
     gamma, channel = (
         getattr(node.find(name), "value", other) for name, other in (("gamma", -1.0), ("channel", ""))
@@ -435,7 +435,7 @@ def _daylight(translator: Translator, read: Node, node: Node) -> Node | None:
     assert plugin is not None
     values = translator.builder.values(read, plugin)
     if values.get("extend") or values.get("stretch", 1.0) > 1:
-        translator.warn(node, f"Mitsuba 3 draws no {node} below the horizon")
+        translator.warn(node, f"Mitsuba 3 does not extend {node} below the horizon")
     written = in_words_of_mitsuba3(translator.builder, read, values)
     empty = Node("emitter", "sunsky", node.location, node.plugin_location, node.id)
     return None if written is None else having(empty, **written)

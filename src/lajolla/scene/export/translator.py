@@ -91,7 +91,7 @@ class Translator:
             for child in self._values(root, prop, None) if isinstance(prop.value, Node) else ():
                 if isinstance(child, Node) and child.kind == "emitter" and child.plugin in ENVIRONMENTS:
                     if around is not None:
-                        self.warn(child, f"Mitsuba 3 has one light around a scene; {child} is left out")
+                        self.warn(child, f"Mitsuba 3 supports one environment light; {child} is omitted")
                         continue
                     around = child
                 result.properties.append(Property(prop.name, child, prop.location, prop.name_location))
@@ -105,7 +105,7 @@ class Translator:
         return Property("", self.node(node), root.location, root.location)
 
     def node(self, node: Node) -> Node | None:
-        """The node in Mitsuba 3's words; None when it is left out."""
+        """The node in Mitsuba 3's words; None when it is ignored."""
         if node not in self.done:
             known = self.builder.known(node)
             try:
@@ -163,9 +163,9 @@ class Translator:
         names = ", ".join(f'"{name}"' for name in dict.fromkeys(lost.names))
         if lost.used:
             without = f", without {names}" if names else ""
-            self.warn(node, f"Mitsuba 3 has no {node}; {lost.used}{without}")
+            self.warn(node, f"Mitsuba 3 does not support {node}; {lost.used}{without}")
         elif names:
-            self.warn(node, f"Mitsuba 3 has no {names} in {node}: left out")
+            self.warn(node, f"Mitsuba 3 does not support {names} of {node}")
 
     def replaced(self, node: Node, used: str) -> None:
         """Notes what is written for an object whose plugin Mitsuba 3 does not have."""
@@ -226,7 +226,7 @@ class Translator:
     def nearest(self, node: Node) -> Node | None:
         """What comes nearest to a plugin that Mitsuba 3 does not have."""
         name = NEAREST.get((node.kind, node.plugin.lower()), OTHERWISE.get(node.kind, ""))
-        self.replaced(node, f'"{name}" is written' if name else "it is left out")
+        self.replaced(node, f'"{name}" is written' if name else "it is ignored")
         if not name:
             return None
         plugin = self.builder.table[node.kind][name]

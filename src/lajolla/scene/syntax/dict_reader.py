@@ -142,7 +142,7 @@ class _DictReader:
         known = [plugin for names in self.table.values() for plugin in names]
         close = nearest(plugin, known)
         hint = did_you_mean(plugin, known) if close else ""
-        raise SceneError(f'there is no plugin "{plugin}"{hint}', location)
+        raise SceneError(f'unknown plugin "{plugin}"{hint}', location)
 
 
 def _array_value(entry: Content) -> Value:

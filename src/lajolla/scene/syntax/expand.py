@@ -45,7 +45,7 @@ def expand_file(path: Path, parameters: Mapping[str, str], diagnostics: Diagnost
     root = expander.file(path, [], None)
     for name in sorted(set(parameters) - expander.used):
         known = expander.used | expander.defaults.keys()
-        diagnostics.unknown(f'parameter "{name}" is used nowhere{did_you_mean(name, known)}', root.location)
+        diagnostics.unknown(f'parameter "{name}" is not used{did_you_mean(name, known)}', root.location)
     return Document(root, [*expander.search_paths, path.parent])
 
 
@@ -147,7 +147,7 @@ class _Expander:
         if "type" in unknown:
             element.attributes["type"] = ""
         elif not element.attributes.get("type", "?").strip():
-            message = f"the type of <{element.tag}> is empty; the default is used, or nothing without one"
+            message = f"the type of <{element.tag}> is empty; the default is used if there is one"
             self.diagnostics.unknown(message, element.at("type"))
         return not [key for key in unknown if key != "type"]
 
@@ -172,7 +172,7 @@ class _Expander:
         filled = self._pattern().sub(value, text).replace("\\$", "$")
         if missing:
             known = self.defaults.keys() | self.parameters.keys() if self._names() <= MOST_HINTS else ()
-            message = f'parameter "${missing[0]}" is not defined, <{element.tag}> is left out'
+            message = f'parameter "${missing[0]}" is not defined, <{element.tag}> is ignored'
             if attribute == "type":
                 message = f'parameter "${missing[0]}" is not defined, the default {element.tag} is used'
             self.diagnostics.unknown(message + did_you_mean(missing[0], known), element.at(attribute))

@@ -54,7 +54,7 @@ def _follow(name: str, aliases: Mapping[str, tuple[str, Location]], ids: Mapping
     while passed[-1] in aliases:
         target = aliases[passed[-1]][0]
         if target in passed:
-            raise SceneError(f"aliases go in a circle: {' -> '.join([*passed, target])}", location)
+            raise SceneError(f"aliases form a cycle: {' -> '.join([*passed, target])}", location)
         passed.append(target)
         if len(passed) > MAX_NESTING:
             raise SceneError(f"aliases of aliases are more than {MAX_NESTING} deep", location)
@@ -63,7 +63,7 @@ def _follow(name: str, aliases: Mapping[str, tuple[str, Location]], ids: Mapping
 
 def _lookup(name: str, ids: Mapping[str, Node], location: Location) -> Node:
     if name not in ids:
-        raise SceneError(f'nothing has the id "{name}"{did_you_mean(name, ids)}', location)
+        raise SceneError(f'no object has the id "{name}"{did_you_mean(name, ids)}', location)
     return ids[name]
 
 

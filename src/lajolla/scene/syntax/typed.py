@@ -89,7 +89,7 @@ def _add(element: Element, parent: Node, given: set[str], tree: Tree, diagnostic
         )
     name = element.attributes.get("name", "")
     if name in given:
-        diagnostics.warn(f'"{name}" is given twice in {parent}; the last one counts', element.at("name"))
+        diagnostics.warn(f'"{name}" is given twice in {parent}; the last one is used', element.at("name"))
         parent.properties = parent.without([name])
     if name:
         given.add(name)
@@ -121,7 +121,7 @@ def _check_attributes(element: Element, diagnostics: Diagnostics) -> None:
 def _refuse_children(element: Element) -> None:
     if element.children and element.tag not in ("transform", "animation"):
         child = element.children[0]
-        raise SceneError(f"<{child.tag}> cannot stand inside <{element.tag}>", child.location)
+        raise SceneError(f"<{child.tag}> is not allowed inside <{element.tag}>", child.location)
 
 
 def _text(element: Element, attribute: str = "value") -> Text:

@@ -26,7 +26,7 @@ def _inner(builder: Builder, node: Node, most: int, needed: str) -> list[Slot]:
     if not slots:
         raise SceneError(f"{node} needs {needed} inside", node.location)
     if len(slots) > most:
-        first = "the first counts" if most == 1 else f"the first {most} count"
+        first = "the first one is used" if most == 1 else f"the first {most} are used"
         builder.diagnostics.warn(f"{node} has {len(slots)} bsdfs inside; {first}", node.location)
     return slots[:most]
 
@@ -36,7 +36,7 @@ def _two_sided(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
     front, back = slots[0], slots[-1]
     if any(lets_light_through(builder, slot.front) for slot in slots):
         builder.diagnostics.warn(
-            f"{node} cannot hold a bsdf that lets light through; it is used alone", node.location
+            f"{node} cannot contain a transmissive bsdf, which is used alone", node.location
         )
         return front
     return Slot(front.front, back.front)
@@ -82,7 +82,7 @@ def _map(builder: Builder, node: Node, name: str, texture: str, values: dict[str
         builder.diagnostics.warn(f"{node} has no texture inside and changes nothing", node.location)
         return inner
     if len(textures) > 1:
-        builder.diagnostics.warn(f"{node} has more than one texture; the first counts", node.location)
+        builder.diagnostics.warn(f"{node} has more than one texture; the first one is used", node.location)
     if textures:
         field = next(f for f in builder.table["bsdf"][name].fields if f.name == texture)
         values[texture] = convert(builder, node, textures[0], field)
@@ -154,7 +154,7 @@ def _coating(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
     inner = _inner(builder, node, 1, "a bsdf")[0]
     clear = lets_light_through(builder, inner.front) or lets_light_through(builder, inner.back)
     if clear:
-        message = f"{node} cannot hold a bsdf that lets light through; that stays without"
+        message = f"{node} cannot contain a transmissive bsdf, which remains uncoated"
         builder.diagnostics.warn(message, node.location)
     made: dict[MaterialId, MaterialId] = {}
     return Slot(*(_coated(builder, node, values, side, made) for side in (inner.front, inner.back)))
@@ -192,7 +192,7 @@ def _coated(
     if builder.transmissive[material]:
         return material
     if base["type"] == "coating":
-        builder.diagnostics.warn(f"{node} around another coating is left out", node.location)
+        builder.diagnostics.warn(f"{node} around another coating is ignored", node.location)
         return material
     made[material] = builder.add_once("bsdfs", {"type": "coating", "base": base, **values}, node)
     return made[material]

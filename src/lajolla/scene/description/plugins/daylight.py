@@ -62,7 +62,7 @@ def _place(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[Array,
     if "sun_direction" in values:
         if any(name in values for name in MOMENT):
             builder.diagnostics.warn(
-                '"sun_direction" and a time are both given; the direction counts',
+                '"sun_direction" and a time are both given; the direction is used',
                 node.property_location("sun_direction"),
             )
         sun = np.linalg.pinv(to_world[:3, :3]) @ np.array(values["sun_direction"], float)
@@ -76,7 +76,7 @@ def _place(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[Array,
         around = math.cos(azimuth) * north + math.sin(azimuth) * east
         sun = math.sin(zenith) * around + np.array([0, math.cos(zenith), 0])
     if sun[1] < 0:
-        builder.diagnostics.warn("the sun is below the horizon, and there is no light of it", node.location)
+        builder.diagnostics.warn("the sun is below the horizon, and emits no light", node.location)
         return to_world, None
     return to_world, sun
 
@@ -90,7 +90,7 @@ def _sky_light(
     builder.sky_pixels += width * map_height(width)
     most = WIDEST * map_height(WIDEST)
     if builder.sky_pixels > most:
-        raise SceneError(f"the skies of the scene have more than {most:,} pixels", node.location)
+        raise SceneError(f"the sky images of the scene have more than {most:,} pixels", node.location)
     pixels, end = sky_map(
         sun,
         values.get("turbidity", 3.0),
@@ -146,7 +146,7 @@ def in_words_of_mitsuba3(builder: Builder, node: Node, values: dict[str, Any]) -
         if sun_scale > 0 and node.plugin != "sky":
             red, green, blue = (f"{v:+.0%}" for v in as_bright * new / np.maximum(old, 1e-30) - 1)
             builder.diagnostics.warn(
-                f"Mitsuba 3 has another model of the sun, scaled to the same luminance: "
+                f"Mitsuba 3 uses another model of the sun, scaled to the same luminance: "
                 f"red {red}, green {green}, blue {blue}",
                 node.location,
             )

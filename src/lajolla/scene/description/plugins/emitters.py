@@ -71,7 +71,7 @@ def _projector(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str
 def _collimated(builder: Builder, node: Node, values: dict[str, Any]) -> None:
     """Left out: the beam has no width, and paths from the camera never meet it."""
     builder.diagnostics.unknown(
-        f"{node} is a beam without width, which no path finds; it is left out", node.location
+        f"{node} is a beam of zero width, which no path can hit; it is ignored", node.location
     )
 
 
@@ -97,5 +97,5 @@ PLUGINS = (
     Plugin("emitter", "directional", "", (PLACE,), _directional, model="directional"),
     Plugin("emitter", "spot", "", (), _spot, model="spot"),
     Plugin("emitter", "projector", "", LENS, _projector, model="projector", hidden=("aspect",)),
-    Plugin("emitter", "collimated", "A beam without width; it is left out.", BEAM, _collimated),
+    Plugin("emitter", "collimated", "A beam of zero width; it is ignored.", BEAM, _collimated),
 )

@@ -83,9 +83,9 @@ def _pixel_format(builder: Builder, node: Node, file_format: str, word: str) -> 
     place = node.property_location("pixel_format")
     name = OTHER_NAMES.get(word, word)
     if word.startswith("spectrum"):
-        builder.diagnostics.warn(f'spectra are not rendered; "{name}" is used', place)
+        builder.diagnostics.warn(f'spectral output is not supported; "{name}" is used', place)
     if name not in PIXEL_FORMATS:
-        raise SceneError(f'there is no pixel format "{word}"{did_you_mean(word, PIXEL_FORMATS)}', place)
+        raise SceneError(f'unknown pixel format "{word}"{did_you_mean(word, PIXEL_FORMATS)}', place)
     holds = HOLDS.get(file_format, tuple(PIXEL_FORMATS))
     if name in holds:
         return name

@@ -33,7 +33,9 @@ def _round_shape(name: str, arrays: Callable[[dict[str, Any]], MeshArrays]) -> B
             values = _evened_cylinder(values)
         if _is_similarity(values.get("to_world", np.eye(4))):
             return {"type": name, **values}
-        builder.diagnostics.warn(f"a stretched {name} is rendered as a mesh of fine triangles", node.location)
+        builder.diagnostics.warn(
+            f"a {name} with non-uniform scale is rendered as a triangle mesh", node.location
+        )
         placed = {k: values[k] for k in ("to_world", "flip_normals") if k in values}
         return {"type": "mesh", "mesh": builder.core.Mesh(*arrays(values)), **placed}
 
