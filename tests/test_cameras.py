@@ -169,7 +169,7 @@ def test_streams_and_pipes_keep_their_names(
     assert cli.main([*two, "-o", "a.pfm", "--stats", "/dev/null"]) == 0
     for words in ("-o pipe.pfm", "-o a.pfm --stats pipe.pfm"):
         assert cli.main([*two, *words.split()]) == 1
-        message = "pipe.pfm is a pipe or a device; --all-sensors writes a file for each of 2 sensors"
+        message = "pipe.pfm takes one file; --all-sensors writes a file for each of 2 sensors"
         assert capsys.readouterr().err == f"lajolla: error: {message}\n"
     one = ["render", str(written(tmp_path, LEFT)), "--all-sensors", "--spp", "1", "--quiet"]
     reader = subprocess.Popen(["cat", "pipe.pfm"], stdout=subprocess.PIPE)

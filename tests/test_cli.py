@@ -3,9 +3,13 @@
 import argparse
 import json
 import os
+import re
+import shlex
+import shutil
 import signal
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -33,6 +37,8 @@ SCENE = """\
     <shape type="sphere"><point name="center" x="0" y="0" z="5"/></shape>
 </scene>
 """
+
+UNKNOWN = SCENE.replace('type="sphere"', 'type="spere"')  # on line 9
 
 Capture = pytest.CaptureFixture[str]
 
@@ -126,7 +132,7 @@ def test_pixel(capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("", "a command is required: render, check, convert, compare, list"),
+        ("", "a command is required: render, check, convert, compare, list, completion"),
         ("rendr room.xml", "unknown command 'rendr'; did you mean 'render'?"),
         ("room.xml", "did you mean: lajolla render room.xml"),
         ("test", "./lajolla test"),
@@ -142,6 +148,13 @@ def test_pixel(capsys: Capture) -> None:
         ("render room.xml --exposure inf", "not a number from -100 to 100"),
         ("render room.xml -D level", "'level' is not NAME=VALUE"),
         ("render room.xml --sample 1", "--sample needs --pixel"),
+        ("render room.xml --sampler halton", "invalid choice: 'halton'"),
+        ("render room.xml -o a --format jpgg", "no picture format 'jpgg'; did you mean 'jpg'?"),
+        ("render room.xml -o -", "a picture on standard output needs --format"),
+        ("render room.xml -o - --stats -", "cannot both go to standard output"),
+        ("render - --spp 1", "name it with -o"),
+        ("check --all -", "- is no folder"),
+        ("completion csh", "invalid choice: 'csh'"),
         ("render room.xml --pixel 0,0 --sample 99999999999", "sample must be in 0 to"),
         ("render room.xml --threads 100000", "threads must be in 1 to 1024"),
         ("render room.xml --seed 99999999999", "seed must be in 0 to 4294967295, not 99999999999"),
@@ -149,8 +162,8 @@ def test_pixel(capsys: Capture) -> None:
         ("render room.xml --pixel 16,0", "pixel 16,0 is outside of the picture, 16 x 12"),
         ("render room.xml --integrator pth", "unknown integrator 'pth'; did you mean 'path'?"),
         (
-            "render room.xml -o a.tif",
-            "a.tif: the format follows from the file's ending, which is one of .exr",
+            "render room.xml -o a.psd",
+            "a.psd: the format follows from the file's ending, which is one of .exr",
         ),
         ("render room.xml -o missing/a.exr", "does not exist"),
         ("render room.xml --stats missing/s.json", "does not exist"),
@@ -159,7 +172,7 @@ def test_pixel(capsys: Capture) -> None:
         ("compare a.exr room.xml", "a.exr: no such file"),
         ("compare /dev/null room.xml", "/dev/null: not a file"),
         ("compare room.xml room.xml", "room.xml: cannot be read as a picture"),
-        ("compare a.exr b.exr --diff d.exr", "PNG or JPEG"),
+        ("compare a.exr b.exr --diff d.exr", "PNG, JPEG or the like"),
         ("list bsfd", "unknown kind 'bsfd' of plugins; did you mean 'bsdf'?"),
         ("list bsdf difuse", "unknown bsdf 'difuse'; did you mean 'diffuse'?"),
     ],
@@ -429,3 +442,242 @@ def test_list_shows_what_is_required(capsys: Capture) -> None:
     assert "830" not in capsys.readouterr().out
     assert cli.main(["list", "sensor", "perspective"]) == 0
     assert "default if neither is given" in capsys.readouterr().out
+
+
+# --- for programs
+
+
+def test_check_as_json(capsys: Capture) -> None:
+    Path("room.xml").write_text(UNKNOWN)
+    assert cli.main(["check", "room.xml", "--json"]) == 0
+    captured = capsys.readouterr()
+    facts = json.loads(captured.out)
+    assert (facts["scene"], facts["width"], facts["height"], facts["error"]) == ("room.xml", 16, 12, None)
+    assert facts["samples_per_pixel"] == 4 and facts["counts"]["shapes"] == 1 and facts["memory_bytes"] >= 0
+    message = 'unknown shape "spere"; "sphere" is used'
+    place = {"file": "room.xml", "line": 9, "column": 18}
+    assert facts["warnings"] == [{"message": message, **place, "count": 1}]
+    assert captured.err == ""
+
+
+def test_a_refusal_as_json(capsys: Capture) -> None:
+    Path("room.xml").write_text(UNKNOWN)
+    assert cli.main(["check", "room.xml", "--json", "--strict"]) == 1
+    captured = capsys.readouterr()
+    refusal = json.loads(captured.out)["error"]
+    assert (refusal["file"], refusal["line"], refusal["column"]) == ("room.xml", 9, 18)
+    assert captured.err.startswith("room.xml:9:18: error: ")
+    assert cli.main("check room.xml --json --crop 0,0,99,99".split()) == 1
+    assert "reaches outside" in json.loads(capsys.readouterr().out)["error"]["message"]
+
+
+def test_a_folder_as_json(capsys: Capture) -> None:
+    Path("other.xml").write_text(SCENE.replace("</scene>", "<robot/></scene>"))
+    assert cli.main(["check", "--all", ".", "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert (found["folder"], found["opened"], found["failed"]) == (".", 1, 1)
+    assert [scene["scene"] for scene in found["scenes"]] == ["other.xml", "room.xml"]
+    assert "robot" in found["scenes"][0]["error"] and found["scenes"][1]["error"] is None
+
+
+def test_a_comparison_as_json(capsys: Capture) -> None:
+    """What no number of JSON is becomes null."""
+    image.write(Path("a.pfm"), np.full((2, 3, 3), (2.0, 1.0, 0.5)))
+    image.write(Path("b.pfm"), np.full((2, 3, 3), (1.0, 0.0, 0.5)))
+    assert cli.main("compare a.pfm b.pfm --json".split()) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=lambda name: pytest.fail(name))
+    assert found["mean_ratio"] == [2, None, 1]
+    assert found["rmse"] == [1, 1, 0]
+    assert set(found) == {"a", "b", "mean_ratio", "rmse", "relative_mse", "excluded_pixels"}
+
+
+def test_json_is_documented(repository: Path, capsys: Capture) -> None:
+    """docs/json.md has every key, and no other."""
+    Path("room.xml").write_text(UNKNOWN)
+    image.write(Path("a.pfm"), np.ones((2, 3, 3)))
+    shown: list[str] = []
+    for words in ("check room.xml", "check room.xml --strict", "check --all .", "compare a.pfm a.pfm"):
+        cli.main([*words.split(), "--json"])
+        shown += re.findall(r'"(\w+)":', capsys.readouterr().out)
+    assert cli.main("render room.xml --quiet --stats -".split()) == 0
+    shown += re.findall(r'"(\w+)":', capsys.readouterr().out)
+    counts = set(json.loads(_checked(capsys))["counts"])
+    documented = re.findall(r"^\| `(\w+)` \|", (repository / "docs" / "json.md").read_text(), re.MULTILINE)
+    assert set(shown) - counts == set(documented)
+
+
+def _checked(capsys: Capture) -> str:
+    assert cli.main(["check", "room.xml", "--json"]) == 0
+    return capsys.readouterr().out
+
+
+# --- standard streams
+
+
+def piped(*words: str, data: bytes = SCENE.encode()) -> subprocess.CompletedProcess[bytes]:
+    command = [sys.executable, "-m", "lajolla", *words]
+    return subprocess.run(command, input=data, capture_output=True, timeout=60, check=False)
+
+
+def test_from_standard_input_to_standard_output() -> None:
+    """The picture is that of the file, messages are elsewhere, and nothing is left behind."""
+    assert run("render", "room.xml", "-o", "a.png", "--quiet").returncode == 0
+    result = piped("render", "-", "-o", "-", "--format", "png", "--spp", "4")
+    assert result.returncode == 0, result.stderr
+    assert image.Image.open(result.stdout).array.shape == (12, 16, 3)
+    np.testing.assert_array_equal(image.read(result.stdout), image.read("a.png"))
+    assert b"wrote standard output (4 samples per pixel" in result.stderr
+    assert files() == {"a.png"}
+
+
+def test_files_of_a_scene_on_standard_input_are_here(folder: Path) -> None:
+    image.write(Path("sky.pfm"), np.full((2, 4, 3), 3.0))
+    sky = '<emitter type="envmap"><string name="filename" value="sky.pfm"/></emitter>'
+    scene = SCENE.replace('<emitter type="constant"><rgb name="radiance" value="$level"/></emitter>', sky)
+    result = piped("render", "-", "-o", "a.pfm", "--quiet", data=scene.encode())
+    assert result.returncode == 0, result.stderr
+    np.testing.assert_allclose(image.read("a.pfm")[0, 0], 3, rtol=1e-5)
+    two = scene.replace("</scene>", '<sensor type="perspective" id="b"/></scene>').replace(
+        '<sensor type="perspective">', '<sensor type="perspective" id="a">'
+    )
+    words = "render - -o s.pfm --all-sensors --spp 1 --size 2x2 --quiet".split()
+    assert piped(*words, data=two.encode()).returncode == 0
+    assert {"s-a.pfm", "s-b.pfm"} <= files()
+    assert piped("convert", "-", "new.xml", data=scene.encode()).returncode == 0
+    assert "sky.pfm" in Path("new.xml").read_text()
+
+
+def test_mistakes_on_standard_input_have_a_place() -> None:
+    result = piped("check", "-", "--strict", data=UNKNOWN.encode())
+    assert result.returncode == 1
+    assert result.stderr.startswith(b"<stdin>:9:18: error: ")
+    assert result.stdout == b""
+
+
+def test_a_format_for_names_without_one() -> None:
+    assert cli.main("render room.xml -o a -o b.png -o c.part --format JPG --quiet --spp 1".split()) == 0
+    starts = {name: Path(name).read_bytes()[:2] for name in ("a", "b.png", "c.part")}
+    assert starts == {"a": b"\xff\xd8", "b.png": b"\x89P", "c.part": b"\xff\xd8"}
+    assert cli.main("render room.xml --format tif --quiet --spp 1".split()) == 0
+    assert files() == {"a", "b.png", "c.part", "room.tif"}
+
+
+# --- messages
+
+
+def test_warnings_are_told_once(capsys: Capture) -> None:
+    Path("room.xml").write_text(UNKNOWN)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert cli.main("render room.xml -o a.npy --spp 1 --quiet".split()) == 0
+        assert cli.main("convert room.xml new.xml".split()) == 0
+        assert cli.main("check --all .".split()) == 0
+    assert not caught
+    assert capsys.readouterr().err.count("spere") == 4  # twice in each message
+    assert run("render", "room.xml", "-o", "a.npy", "--spp", "1", "--quiet").stderr.count("warning") == 1
+
+
+@pytest.mark.parametrize(
+    ("environment", "terminal", "expected"),
+    [
+        ({}, True, True),
+        ({}, False, False),
+        ({"NO_COLOR": "1"}, True, False),
+        ({"NO_COLOR": ""}, True, True),
+        ({"FORCE_COLOR": "1"}, False, True),
+        ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, True, False),
+        ({"TERM": "dumb"}, True, False),
+    ],
+)
+def test_colours_are_for_terminals(
+    environment: dict[str, str], terminal: bool, expected: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("NO_COLOR", "FORCE_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    stream = SimpleNamespace(isatty=lambda: terminal)
+    assert display.shows_colours(stream) is expected  # type: ignore[arg-type]
+
+
+def test_severity_and_caret_are_coloured(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    Path("room.xml").write_text(UNKNOWN)
+    assert cli.main(["render", "room.xml", "--strict"]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    red, plain = "\x1b[1;31m", "\x1b[0m"
+    assert lines[0].startswith(f"room.xml:9:18: {red}error{plain}: ")
+    assert lines[2] == " " * 17 + f"{red}^{plain}"
+    assert cli.main(["render", "room.xml", "-o", "a.psd"]) == 1
+    assert capsys.readouterr().err.startswith(f"lajolla: {red}error{plain}: a.psd: ")
+    assert cli.main(["check", "room.xml"]) == 0
+    assert "\x1b[1;33mwarning\x1b[0m" in capsys.readouterr().out
+
+
+# --- help and completion
+
+
+@pytest.mark.parametrize("command", ["", "render", "check", "convert", "compare", "list", "completion"])
+def test_help_is_whole(command: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names keep their capitals, everything is explained, examples are parsed, and lines fit."""
+    monkeypatch.setenv("COLUMNS", "100")
+    with pytest.raises(SystemExit):
+        cli.main([command, "--help"] if command else ["--help"])
+    text = capsys.readouterr().out
+    assert "mitsuba 3" not in text and "examples:" in text
+    assert max(map(len, text.splitlines())) <= 112
+    for line in re.findall(r"^  lajolla (.*)$", text, re.MULTILINE):
+        words = shlex.split(re.split(r"\s{2,}| [<>|]", line)[0])
+        if "--help" not in words:
+            parse(words)
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "tcsh"])
+def test_completion(shell: str, capsys: Capture) -> None:
+    assert cli.main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    for word in ("compare", "max-depth", "volpath", "roughconductor", "reinhard", "webp"):
+        assert word in script, word
+    if shutil.which(shell):
+        assert subprocess.run([shell, "-n"], input=script, text=True, check=False).returncode == 0
+
+
+def test_bash_completes(capsys: Capture) -> None:
+    if not shutil.which("bash"):
+        pytest.skip("there is no bash")
+    assert cli.main(["completion", "bash"]) == 0
+    Path("script").write_text(capsys.readouterr().out)
+
+    def completed(*words: str) -> list[str]:
+        line = f"COMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}"
+        code = f'source ./script; {line}; _shtab_lajolla; echo "${{COMPREPLY[@]}}"'
+        shown = subprocess.run(["bash", "-c", code], capture_output=True, text=True, check=True)
+        return shown.stdout.split()
+
+    assert completed("lajolla", "co") == ["convert", "compare", "completion"]
+    assert completed("lajolla", "render", "--max") == ["--max-depth"]
+    assert completed("lajolla", "render", "--integrator", "volpathm") == ["volpathmis"]
+    assert completed("lajolla", "list", "bs") == ["bsdf"]
+
+
+# --- the sampler
+
+
+def test_the_sampler_is_chosen_on_the_command_line() -> None:
+    """Every sampler of a scene means the same; independent points have to be asked for."""
+    Path("other.xml").write_text(SCENE.replace('"independent"', '"multijitter"'))
+    for name, words in (
+        ("a", "room.xml"),
+        ("b", "other.xml"),
+        ("c", "room.xml --sampler sobol"),
+        ("d", "room.xml --sampler independent"),
+    ):
+        assert cli.main(f"render {words} -o {name}.npy --quiet".split()) == 0
+    a, b, c, d = (np.load(f"{name}.npy") for name in "abcd")
+    np.testing.assert_array_equal(a, b)
+    np.testing.assert_array_equal(a, c)
+    assert not np.array_equal(a, d)
+    replay = replay_command(parse("render room.xml --sampler independent".split()), 1, 2, 3)
+    assert "--sampler independent" in replay

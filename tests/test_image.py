@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lajolla import colour, comparison, image, whole_files
+from lajolla import colour, comparison, image, picture_formats, whole_files
 from lajolla.picture_files import Budget
 from lajolla.scene.formats.images import read_pixels
 from lajolla.scene.syntax.errors import Location, Source
@@ -62,7 +62,7 @@ def test_srgb_functions_are_inverse() -> None:
     np.testing.assert_allclose(colour.decode_srgb(colour.encode_srgb(x)), x, atol=2e-6)
 
 
-@pytest.mark.parametrize("name", ["a.tga", "a", "a.xml"])
+@pytest.mark.parametrize("name", ["a.psd", "a", "a.xml"])
 def test_unknown_ending_names_the_known_ones(tmp_path: Path, name: str) -> None:
     with pytest.raises(image.ImageError, match=r"one of \.exr, \.hdr, \.pfm, \.png, \.jpg, \.jpeg"):
         image.write(tmp_path / name, np.zeros((1, 1, 3)))
@@ -230,7 +230,7 @@ def test_image_object(tmp_path: Path, picture: image.FloatImage) -> None:
         image.Image(np.zeros((2, 2)))
 
 
-@pytest.mark.parametrize("ending", image.ENDINGS[: -len(image.MATRIX)])
+@pytest.mark.parametrize("ending", picture_formats.ENDINGS[: -len(picture_formats.MATRIX)])
 def test_the_first_row_of_every_format_is_on_top(ending: str, tmp_path: Path) -> None:
     """In pictures and in textures, also where they are written in more than one piece."""
     rows = np.linspace(0.1, 0.9, 600, dtype=np.float32)
@@ -239,5 +239,7 @@ def test_the_first_row_of_every_format_is_on_top(ending: str, tmp_path: Path) ->
     textured = read_pixels(path, Location(Source("scene.xml", b"", tmp_path)), Budget())[:, 0, 0].astype(
         np.float32
     )
-    assert np.all(np.diff(textured) >= 0) and textured[-1] > 2 * textured[0]
-    np.testing.assert_allclose(image.read(path)[:, 0, 0], rows, atol=0.01)
+    lossy = ending in (".webp", ".jxl")  # a little more than JPEG, which is monotone here
+    steps = np.diff(textured[::20] if lossy else textured)
+    assert np.all(steps >= 0) and textured[-1] > 2 * textured[0]
+    np.testing.assert_allclose(image.read(path)[:, 0, 0], rows, atol=0.02 if lossy else 0.01)

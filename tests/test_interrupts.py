@@ -147,7 +147,8 @@ def test_no_callback_can_drop_an_interrupt(
     monkeypatch.setattr(cli, "progress_display", progress_display)
     assert cli.main("render room.xml -o a.exr --spp 4096".split()) == 130
     error = capfd.readouterr().err
-    samples = re.search(r"interrupted; wrote a.exr with (\d+) of 4096 samples per pixel\n$", error)
+    told = r"interrupted; wrote a.exr with (\d+) of 4096 samples per pixel"
+    samples = re.search(rf"{told}(; \d+ more, of the running pass, are lost)?\n$", error)
     assert samples and 1 <= int(samples[1]) < 4096
 
 
@@ -195,3 +196,25 @@ sys.exit(cli.main("render room.xml --all-sensors -o a.pfm --quiet".split()))
     assert result.returncode == 143
     assert [path.name for path in Path().glob("*.pfm")] == ["a-0.pfm"]
     assert "lajolla: interrupted; nothing was written of sensor 1 and those after it" in result.stderr
+
+
+@pytest.mark.usefixtures("as_from_a_terminal")
+def test_what_an_interrupt_loses_is_told(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Passes have 1, 1, 2, 4, ... samples: the one that is cut off has as many as all before it."""
+    monkeypatch.setattr("lajolla.render.POLL_SECONDS", 0)
+
+    @contextmanager
+    def progress_display(**settings: object) -> Iterator[display.Observer]:
+        def observe(progress: Progress) -> None:
+            if 4 < progress.samples < 8:
+                os.kill(os.getpid(), signal.SIGINT)
+
+        yield observe
+
+    monkeypatch.setattr(cli, "progress_display", progress_display)
+    assert cli.main("render room.xml -o a.exr --spp 4096 --size 400x400".split()) == 130
+    told = "interrupted; wrote a.exr with 4 of 4096 samples per pixel; 4 more, of the running pass, are lost"
+    assert capfd.readouterr().err.endswith(f"lajolla: {told}\n")
+    assert image.read("a.exr").shape == (400, 400, 3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from reader_tools import messages
 
-from lajolla import image, whole_files
+from lajolla import image, picture_formats, whole_files
 from lajolla.scene import convert, load_description
 from lajolla.scene.formats.voxels import vol_bytes
 
@@ -23,7 +23,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("ending", image.ENDINGS)
+@pytest.mark.parametrize("ending", picture_formats.ENDINGS)
 def test_a_pipe_gets_the_bytes_of_the_file(ending: str) -> None:
     pipe, file = Path("pipe" + ending), Path("file" + ending)
     os.mkfifo(pipe)
@@ -70,7 +70,7 @@ def test_what_a_killed_process_left_is_removed() -> None:
     code = """
 import os, signal
 from pathlib import Path
-from lajolla import image, whole_files
+from lajolla import image, picture_formats, whole_files
 with whole_files.replacing(Path("a.npy")) as temporary:
     temporary.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
@@ -121,12 +121,12 @@ def test_process_ids_of_other_containers_mean_nothing(monkeypatch: pytest.Monkey
     assert theirs.exists() and not ours.exists()
 
 
-@pytest.mark.parametrize("ending", image.ENDINGS)
+@pytest.mark.parametrize("ending", picture_formats.ENDINGS)
 def test_names_of_any_bytes(ending: str) -> None:
     os.mkdir(NAME)
     image.write(Path(NAME, NAME + ending), PICTURE)
     assert os.listdir(NAME) == [NAME + ending]
-    if ending not in image.MATRIX:
+    if ending not in picture_formats.MATRIX:
         np.testing.assert_allclose(image.read(Path(NAME, NAME + ending)), 0.5, atol=0.01)
 
 

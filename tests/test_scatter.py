@@ -12,15 +12,20 @@ from scatter_tools import (
     Settings,
     check_reciprocity,
     direction,
+    in_turn,
+    is_accepted,
     known_directions,
     label,
     make_bsdf,
     seen_from,
     settings_of,
+    typical,
+    values_of,
 )
 from statistics_tools import (
     ONE_MINUS_ULP,
     TESTS,
+    Z,
     check_consistency,
     check_density,
     check_energy,
@@ -187,6 +192,98 @@ def test_white_furnace(name: str) -> None:
         s = study(seen_from(bsdf, wo))
         total = s.value + sum((b.weight * b.probability for b in s.branches), np.zeros(3))
         assert np.abs(total - 1).max() < precision + s.error, f"{name} from {wo} returns {total}: {reason}"
+
+
+# ---- every number at the ends of its range
+
+# Indices of refraction within their range: as near to one as float32 comes, and where 1 - F vanishes.
+INDICES = (1 + 2**-23, 1 - 2**-24, 1.0001, 0.9999, 1e-2, 30, 500)
+
+# Models that return more light there than ENERGY_GAIN says, and why.
+EXTREME_GAIN: dict[str, tuple[float, str]] = {
+    "ward": (20, "its lobe has no masking: near the rim more is scattered than arrives (Duer 2006)"),
+    "principled": (
+        1,
+        "where the boundary reflects everything, the diffuse part still reflects the base colour",
+    ),
+    "disneybsdf": (0.3, "the same, seen from near the rim"),
+}
+
+
+def ends(field: dict) -> list[float]:
+    """The ends of a range, a thousand times what is typical for an open one, and what is beside zero."""
+    low, high = field["minimum"], field["maximum"]
+    if field["type"] not in ("float", "texture_float", "spectrum", "texture_spectrum"):
+        return []
+    far = 1000 * typical(field)
+    result = [-far if low is None else low, far if high is None else high]
+    if low == 0:
+        result.append(1e-6)
+    if field["name"] in ("eta", "int_ior", "ext_ior") and field["type"] in ("float", "texture_float"):
+        result += INDICES
+    return result
+
+
+def extreme_settings(name: str) -> list[Settings]:
+    """One field at an end, under the model's choices in turn. Indices may be refused: their ratio counts."""
+    fields = MODELS[name]["fields"]
+    choices = [f for f in fields if f["type"] in ("choice", "boolean")]
+    combinations = [
+        {"type": name} | dict(zip((f["name"] for f in choices), values, strict=True))
+        for values in itertools.product(*(values_of(f) for f in choices))
+    ]
+    settings = in_turn(combinations, [{f["name"]: end} for f in fields for end in ends(f)])
+    accepted = [s for s in settings if is_accepted(s)]
+    assert all(s in accepted or not {"int_ior", "ext_ior"}.isdisjoint(s) for s in settings)
+    return accepted
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_numbers_at_the_ends_of_their_range(name: str) -> None:
+    gain = max(ENERGY_GAIN.get(name, (0, ""))[0], EXTREME_GAIN.get(name, (0, ""))[0])
+    for settings in extreme_settings(name):
+        bsdf = make_bsdf(settings)
+        for wo in known_directions(bsdf, (1, 0.6, 0.05)):
+            rng = generator("ends", bsdf.name, wo.tolist())
+            draws = bsdf.sample(wo, uniforms(rng, 1000, 3))
+            check_finite(draws, bsdf.name)
+            weights = np.where(draws.valid[:, None], draws.weight, 0).astype(float)
+            error = Z * weights.std(0) / np.sqrt(len(weights)) + 2e-2
+            require(
+                bool((weights.mean(0) <= 1 + gain + error).all()),
+                f"{bsdf.name} from {wo} returns {weights.mean(0)}",
+            )
+            scattered = draws.where(draws.valid & ~draws.delta)
+            value, pdf = bsdf.evaluate(wo, np.concatenate([scattered.points, around(rng, 100)]))
+            require(bool(np.isfinite(value).all() and np.isfinite(pdf).all()), f"{bsdf.name}: not finite")
+            if len(scattered.points) > 100:
+                count = len(scattered.points)
+                off = np.abs(pdf[:count] / scattered.pdf - 1)
+                lit = scattered.weight.max(1) > 0
+                carried = scattered.weight[lit] * scattered.pdf[lit, None]
+                off_value = np.abs(value[:count][lit] / np.maximum(carried, 1e-30) - 1).min(1)
+                require(np.median(off) < 0.1, f"{bsdf.name} from {wo}: densities differ by {np.median(off)}")
+                if len(off_value) > 100:
+                    require(np.median(off_value) < 0.1, f"{bsdf.name} from {wo}: values differ")
+
+
+def around(rng: np.random.Generator, count: int) -> np.ndarray:
+    directions = rng.normal(size=(count, 3))
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("eta", [1e-3, 0.1, 0.4, 1 - 1e-3, 1 + 1e-3, 3, 8, 30, 1e2, 999])
+@pytest.mark.parametrize("nonlinear", [False, True])
+@pytest.mark.parametrize("name", ["plastic", "roughplastic"])
+def test_white_plastic_of_any_index_loses_nothing(name: str, nonlinear: bool, eta: float) -> None:
+    settings = {"int_ior": eta, "ext_ior": 1, "diffuse_reflectance": 1, "nonlinear": nonlinear}
+    rough = {"alpha": 0.1, "multiscatter": True, "distribution": "ggx"}
+    bsdf = make_bsdf({"type": name, **settings, **(rough if name == "roughplastic" else {})})
+    for wo in known_directions(bsdf, (0.9, 0.4)):
+        draws = bsdf.sample(wo, uniforms(generator("plastic", bsdf.name), 20_000, 3))
+        weights = np.where(draws.valid, draws.weight[:, 0], 0).astype(float)
+        error = Z * weights.std() / np.sqrt(len(weights)) + 6e-3  # of the fit of the mean transmittance
+        assert abs(weights.mean() - 1) < error
 
 
 ROUGH = [

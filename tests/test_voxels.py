@@ -1,15 +1,18 @@
-"""Voxel files: .vol of all encodings, .nvdb files that NanoVDB itself wrote, and broken ones.
+"""Voxel files: .vol of all encodings, .nvdb and .vdb files that their own libraries wrote, and broken ones.
 
-`volumes/grids.nvdb` was written by NanoVDB 32 with the values that the functions below compute.
+`volumes/grids.nvdb` was written by NanoVDB 32, what is in `volumes/openvdb.zip` by OpenVDB 10, with the
+values that the functions below compute.
 """
 
 from __future__ import annotations
 
+import re
+import shlex
 import struct
 import sys
+import zipfile
 import zlib
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -167,24 +170,125 @@ def test_broken_nanovdb_files_are_refused(tmp_path: Path) -> None:
     assert refused > 25
 
 
-def test_missing_modules_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("blosc", "openvdb", "pyopenvdb"):
-        monkeypatch.setitem(sys.modules, name, None)
-    meta, grid = first_grid()
-    with pytest.raises(VoxelError, match="pip install blosc"):
-        read_voxels(write(tmp_path, nvdb(meta, grid, codec=2), "c.nvdb"), "density")
-    with pytest.raises(VoxelError, match='"openvdb"'):
-        read_voxels(write(tmp_path, b"", "c.vdb"), "density")
+def test_missing_modules_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, openvdb: Path) -> None:
+    monkeypatch.setitem(sys.modules, "blosc", None)
+    meta, _ = first_grid()
+    command = f"to read it: {shlex.quote(sys.executable)} -m pip install blosc"
+    for path in (write(tmp_path, nvdb(meta, bytes(16), codec=2), "c.nvdb"), openvdb / "blosc.vdb"):
+        with pytest.raises(VoxelError, match=re.escape(command)):
+            read_voxels(path, "density")
 
 
-def test_blosc_chunks_are_put_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    blosc = ModuleType("blosc")
-    blosc.decompress = zlib.decompress  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "blosc", blosc)
+def test_blosc_chunks_are_put_together(tmp_path: Path) -> None:
+    blosc = pytest.importorskip("blosc")
     meta, grid = first_grid()
-    chunks = [zlib.compress(part) for part in (grid[:5000], grid[5000:])]
+    chunks = [blosc.compress(part, 1) for part in (grid[:5000], grid[5000:])]
     packed = b"".join(struct.pack("<Q", len(chunk)) + chunk for chunk in chunks)
     sizes = struct.pack("<QQ", len(grid), len(packed))
     data = struct.pack("<8sIHH", b"NanoVDB0", 0, 1, 2) + sizes + meta[16:] + packed
     voxels = read_voxels(write(tmp_path, data, "d.nvdb"), "density")
     np.testing.assert_array_equal(voxels.values, read_voxels(NANOVDB, "density").values)
+
+
+@pytest.fixture(scope="module")
+def openvdb(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of OpenVDB files: grids.vdb (zlib, active values only), blosc.vdb, mask.vdb (no packing)."""
+    folder = tmp_path_factory.mktemp("openvdb")
+    zipfile.ZipFile(NANOVDB.with_name("openvdb.zip")).extractall(folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("file", "grid"),
+    [
+        *(("grids.vdb", grid) for grid in ("density", "half", "double", "instance")),
+        *((file, grid) for file in ("mask.vdb", "blosc.vdb") for grid in ("density", "half")),
+    ],
+)
+def test_openvdb_floats_in_several_nodes(openvdb: Path, file: str, grid: str) -> None:
+    """On both sides of zero, where nodes meet, however the values are kept."""
+    if file == "blosc.vdb":
+        pytest.importorskip("blosc")
+    x, y, z = indices((-9, 3, -2), (14, 11, 17))
+    expected = np.where((x + y + z) % 3, pattern(x + 9, y, z + 2), 0)
+    np.testing.assert_array_equal(read_voxels(openvdb / file, grid).values[..., 0], expected)
+
+
+def test_openvdb_vectors_and_whole_numbers(openvdb: Path) -> None:
+    x, y, z = indices((-3, 0, 0), (8, 4, 6))
+    filled = (x + y + z) % 3 > 0
+    colours = np.where(filled[..., None], np.stack([x, y, z], axis=-1), 0)
+    np.testing.assert_array_equal(read_voxels(openvdb / "grids.vdb", "color").values, colours)
+    numbers = np.where(filled, x + 10 * y + 100 * z, 0)
+    np.testing.assert_array_equal(read_voxels(openvdb / "grids.vdb", "int").values[..., 0], numbers)
+
+
+def test_openvdb_regions_of_one_value(openvdb: Path) -> None:
+    """Active and inactive ones, and a voxel that is another."""
+    x, y, z = indices((8, 0, 0), (23, 7, 15))
+    expected = np.where((x >= 16) & (z < 8), 3.0, 2.0)
+    expected[(x == 9) & (y == 1) & (z == 1)] = 4
+    np.testing.assert_array_equal(read_voxels(openvdb / "grids.vdb", "tiles").values[..., 0], expected)
+
+
+def test_openvdb_inactive_values(openvdb: Path) -> None:
+    """In one leaf all are stored, in the other a mask selects between two; a level set has both signs."""
+    x, y, z = indices((0, 1, 0), (15, 7, 7))
+    left = np.where((y == 1) & (z == 0), 9, 1)
+    right = np.where((y == 7) & (z == 7), 7, np.where(y % 2, 5, 6))
+    values = read_voxels(openvdb / "grids.vdb", "inactive").values[..., 0]
+    np.testing.assert_array_equal(values, np.where(x < 8, left, right))
+    x, y, z = indices((-4, -4, -4), (4, 4, 4))
+    distance = np.clip(np.sqrt(x**2 + y**2 + z**2) - 3, -2, 2)
+    np.testing.assert_allclose(
+        read_voxels(openvdb / "grids.vdb", "level").values[..., 0], distance, atol=1e-5
+    )
+
+
+@pytest.mark.parametrize(
+    ("grid", "low", "high"),
+    [
+        ("density", (1 - 9.5 / 4, 2 + 2.5 / 4, 3 - 2.5 / 4), (1 + 14.5 / 4, 2 + 11.5 / 4, 3 + 17.5 / 4)),
+        ("color", (-3.5, -1, -1.5), (8.5, 9, 19.5)),  # scaled by 1, 2, 3
+        ("double", (-9.5, 2.5, -2.5), (14.5, 11.5, 17.5)),
+        ("instance", (-19, 5, -5), (29, 23, 35)),  # the tree of "density" at twice the size
+        ("tiles", (1.125, 5.75, 2), (-0.875, 13.75, 34)),  # scaled by 1/2, 1/4, 2, turned, and moved
+    ],
+)
+def test_openvdb_boxes(openvdb: Path, grid: str, low: tuple[float, ...], high: tuple[float, ...]) -> None:
+    box = read_voxels(openvdb / "grids.vdb", grid).box
+    np.testing.assert_allclose(box @ (0, 0, 0, 1), [*low, 1], atol=1e-12)
+    np.testing.assert_allclose(box @ (1, 1, 1, 1), [*high, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("grid", "message"),
+    [
+        ("smoke", 'no grid "smoke", only bool, color, density, '),
+        ("empty", "no active voxels"),
+        ("bool", 'its grid is a "Tree_bool_5_4_3"; trees of float, '),
+        ("frustum", 'its transform is a "NonlinearFrustumMap"; linear ones can be read'),
+    ],
+)
+def test_openvdb_grids_that_are_no_volumes(openvdb: Path, grid: str, message: str) -> None:
+    with pytest.raises(VoxelError, match=message):
+        read_voxels(openvdb / "grids.vdb", grid)
+
+
+def test_broken_openvdb_files_are_refused(openvdb: Path, tmp_path: Path) -> None:
+    """Cut anywhere, and with any bytes overwritten: a clear answer, or voxels, and never anything else."""
+    whole = (openvdb / "grids.vdb").read_bytes()
+    rng = generator("broken vdb")
+    variants = [whole[:n] for n in (0, 7, 8, 20, 21, 60, 200, 5000, len(whole) // 2)]
+    variants.append(whole[:8] + struct.pack("<I", 220) + whole[12:])
+    for _ in range(60):
+        at = int(rng.integers(20_000) if rng.random() < 0.7 else rng.integers(300))
+        variants.append(whole[:at] + rng.bytes(8) + whole[at + 8 :])
+    refused = 0
+    for data in variants:
+        try:
+            read_voxels(write(tmp_path, data, "b.vdb"), "density")
+        except VoxelError as problem:
+            assert str(problem)
+            refused += 1
+    assert refused > 25

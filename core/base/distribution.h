@@ -55,7 +55,7 @@ struct CumulativeSums {
     // guide table points, a step or two (Chen and Asau 1974), until the last lane has arrived.
     template <class Float>
     DistributionSample<Float> sample(IntOf<Float> first, Float size, Float u) const {
-        u = min(max(Float(0), u), Float(one_minus_ulp)); // keeps lanes that are off inside, even NaN
+        u = clamp_number(u, 0.0f, one_minus_ulp); // keeps lanes that are off inside, even NaN
         IntOf<Float> at = first + gather(guide.data(), first + to_int(u * size));
         Float high = gather(cdf.data(), at + 1);
         for (auto passed = high <= u; any(passed); passed = high <= u) {
@@ -143,7 +143,7 @@ private:
     // The cell of a coordinate; the nearest one outside of [0,1), the first for NaN.
     template <class Float>
     static IntOf<Float> cell(Float x, float count) {
-        return to_int(min(max(Float(0), x), Float(one_minus_ulp)) * count);
+        return to_int(clamp_number(x, 0.0f, one_minus_ulp) * count);
     }
 
     CumulativeSums rows_;

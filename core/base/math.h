@@ -76,6 +76,13 @@ inline WideFloat copysign(WideFloat x, WideFloat sign) {
 }
 inline WideBool isfinite(WideFloat x) { return abs(x) < WideFloat(infinity); }
 
+// The power of two that brings a positive normal number into [1, 2): multiplying by it is exact.
+template <class Float>
+Float unit_scale(Float x) {
+    constexpr std::int32_t exponent = 0x7f800000, one_twice = 0x7f000000;
+    return as_float(one_twice - (as_int(x) & exponent));
+}
+
 constexpr float sqr(float x) { return x * x; }
 inline WideFloat sqr(WideFloat x) { return x * x; }
 template <class Float>
@@ -84,7 +91,12 @@ Float safe_sqrt(Float x) {
 }
 template <class Float>
 Float clamp(Float x, std::type_identity_t<Float> low, std::type_identity_t<Float> high) {
-    return min(max(x, low), high);
+    return min(max(x, low), high); // of NaN NaN
+}
+// For what becomes an index, or was never promised to be a number: of NaN `low`.
+template <class T>
+T clamp_number(T x, std::type_identity_t<T> low, std::type_identity_t<T> high) {
+    return min(max(low, x), high);
 }
 inline float hypot(float x, float y) { return sqrt(x * x + y * y); }
 inline WideFloat hypot(WideFloat x, WideFloat y) { return sqrt(x * x + y * y); }

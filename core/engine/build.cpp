@@ -2,6 +2,7 @@
 
 #include "engine/described.h"
 #include "engine/media.h"
+#include "engine/recentre.h"
 #include "engine/renderable.h"
 
 namespace lajolla {
@@ -117,22 +118,51 @@ Instance read_instance(const Dict &entry, std::size_t groups, const std::string 
     return instance;
 }
 
-// Textures, BSDFs, emitters and what is made of them.
+// Models that have textures.
+template <class Variant>
+void read_textured(const Dict &description, const char *key, const std::vector<TextureModel> &textures,
+                   std::vector<Variant> &list) {
+    for_each_entry(description, key, [&](const Dict &entry, const std::string &where) {
+        auto model = variant_from<Variant>(entry, where);
+        check_textures(model, textures.size(), where); // earlier ones only: no texture reads itself
+        list.push_back(std::move(model));
+    });
+}
+
+// Textures, BSDFs and what is made of them.
 void read_looks(const Dict &description, SceneParts &parts) {
-    const auto textured = [&]<class Variant>(std::vector<Variant> &list, const char *key) {
-        for_each_entry(description, key, [&](const Dict &entry, const std::string &where) {
-            auto model = variant_from<Variant>(entry, where);
-            check_textures(model, parts.textures.size(), where); // earlier ones only: no texture reads itself
-            list.push_back(std::move(model));
-        });
-    };
-    textured(parts.textures, "textures");
-    textured(parts.bsdfs, "bsdfs");
+    read_textured(description, "textures", parts.textures, parts.textures);
+    read_textured(description, "bsdfs", parts.textures, parts.bsdfs);
     read_adapters(description, parts);
     parts.materials = read_list(description, "materials", [&](const Dict &entry, const std::string &where) {
         return read_material(entry, parts, where);
     });
-    textured(parts.lights, "emitters");
+}
+
+// Embree multiplies coordinates with each other: cubes of lengths must be numbers, and those of curves'
+// segments more than that.
+constexpr float largest_shape = 4e12f;
+struct CurveSizes {
+    float least, most;
+};
+constexpr CurveSizes sizes_of(CurveBasis basis) {
+    return basis == CurveBasis::linear ? CurveSizes{1e-6f, 3e6f} : CurveSizes{1e-12f, 3e9f};
+}
+
+void check_size(const Shape &shape, const std::string &where) {
+    const auto text = [](float length) { return text_of(Described<float>::write(length)); };
+    const Bounds box = match(shape, [](const auto &s) { return s.bounds(); });
+    const float reach = box.empty() ? 0 : max_component(max(abs(box.low), abs(box.high)));
+    if (!(reach <= largest_shape))
+        throw DescriptionError(where + ": the shape reaches coordinates of " + text(reach) +
+                               "; rays can be traced up to " + text(largest_shape));
+    const auto *curves = std::get_if<Curves>(&shape);
+    if (!curves) return;
+    const auto [least, most] = sizes_of(curves->basis);
+    const float longest = curves->longest_segment();
+    if (longest > most || (longest > 0 && longest < least))
+        throw DescriptionError(where + ": the longest segment measures " + text(longest) +
+                               "; such curves can be rendered from " + text(least) + " to " + text(most));
 }
 
 void read_shapes(const Dict &description, SceneParts &parts) {
@@ -142,7 +172,9 @@ void read_shapes(const Dict &description, SceneParts &parts) {
                                read_id(entry, "emitter", parts.lights.size(), where),
                                read_id(entry, "interior", media, where),
                                read_id(entry, "exterior", media, where)});
-        return variant_from<Shape>(entry, where, {"material", "emitter", "interior", "exterior"});
+        auto shape = variant_from<Shape>(entry, where, {"material", "emitter", "interior", "exterior"});
+        check_size(shape, where);
+        return shape;
     });
     parts.groups = read_list(description, "groups", [&](const Dict &entry, const std::string &where) {
         return read_group(entry, parts.shapes.size(), where);
@@ -152,14 +184,28 @@ void read_shapes(const Dict &description, SceneParts &parts) {
     });
 }
 
-SceneParts read_parts(const Dict &description) {
-    SceneParts parts;
-    read_looks(description, parts);
+// All that has a place in the world.
+void read_places(const Dict &description, SceneParts &parts) {
+    parts.lights.clear(), parts.slots.clear();
+    read_textured(description, "emitters", parts.textures, parts.lights);
     parts.media = read_media(description);
     read_shapes(description, parts);
     const Dict &sensor = read_dict(description, "sensor");
     parts.camera_medium = read_id(sensor, "medium", parts.media.size(), "sensor");
     if (sensor.contains("type")) parts.camera = variant_from<Camera>(sensor, "sensor", {"medium"});
+}
+
+SceneParts read_parts(const Dict &description) {
+    SceneParts parts;
+    read_looks(description, parts);
+    read_places(description, parts);
+    constexpr int most_moves = 3; // from very far away, floats tell the centre only by and by
+    for (int moves = 0; moves < most_moves; ++moves) {
+        const auto centre = far_centre(bounds_of(parts));
+        if (!centre) break;
+        for (std::size_t axis = 0; axis < 3; ++axis) parts.origin[axis] += (*centre)[axis];
+        read_places(recentred(description, parts.origin), parts);
+    }
     parts.film = model_from<Film>(read_dict(description, "film"), "film");
     parts.filter = read_variant<PixelFilter>(description, "rfilter");
     return parts;

@@ -60,6 +60,15 @@ void Curves::build() {
     to_world = Transform{};
 }
 
+float Curves::longest_segment() const {
+    float longest = 0;
+    for (const std::uint32_t first : curves->segments) {
+        const auto &a = curves->points[first], &b = curves->points[first + 1];
+        longest = std::max(longest, length(center_of(b) - center_of(a)) + a[3]);
+    }
+    return longest;
+}
+
 Bounds Curves::bounds() const {
     Bounds box;
     for (const auto &p : curves->points) {

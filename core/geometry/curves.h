@@ -45,6 +45,7 @@ struct Curves : NeverLight {
     }
     void build();
     Bounds bounds() const;
+    float longest_segment() const; // between its control points, with the radius
     void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
 
 private:

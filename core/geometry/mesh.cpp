@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <unordered_map>
 
+#include "geometry/triangle.h"
+
 namespace lajolla {
 
 namespace {
@@ -29,12 +31,22 @@ struct Corner {
     float angle;
 };
 
+// Of a triangle at its first corner.
+struct CornerShape {
+    Vec3f normal; // zero where there is no area
+    float angle;
+};
+CornerShape corner_shape(Vec3f edge1, Vec3f edge2) {
+    const EdgeCross<float> face(edge1, edge2);
+    const float length = sqrt(face.squared);
+    const bool has_area = length > 0 && std::isfinite(length);
+    return {has_area ? face.normal / length : Vec3f(0), atan2(length, dot(face.e1, face.e2))};
+}
+
 Vec3f unit_or_zero(Vec3f v) {
     const float l = length(v);
     return l > 0 && std::isfinite(l) ? v / l : Vec3f(0);
 }
-
-float angle_between(Vec3f a, Vec3f b) { return atan2(length(cross(a, b)), dot(a, b)); }
 
 // The attributes of the vertices, and of the faces, that became those of `target`; no faces: all stayed.
 void copy_attributes(const Mesh &mesh, const std::vector<std::uint32_t> &vertices,
@@ -97,10 +109,11 @@ Mesh with_vertex_normals(const Mesh &mesh, const Transform &to_world) {
     result.normals.assign(mesh.positions.size(), Vec3f(0));
     for (const Triangle &triangle : mesh.triangles) {
         const auto corner = [&](std::size_t k) { return to_world.point(mesh.positions[triangle[k % 3]]); };
-        const Vec3f normal = unit_or_zero(cross(corner(1) - corner(0), corner(2) - corner(0)));
-        for (std::size_t k = 0; k < 3; ++k)
-            result.normals[triangle[k]] +=
-                normal * angle_between(corner(k + 1) - corner(k), corner(k + 2) - corner(k));
+        const auto shape = [&](std::size_t k) {
+            return corner_shape(corner(k + 1) - corner(k), corner(k + 2) - corner(k));
+        };
+        const Vec3f normal = shape(0).normal;
+        for (std::size_t k = 0; k < 3; ++k) result.normals[triangle[k]] += normal * shape(k).angle;
     }
     for (Vec3f &n : result.normals) n = unit_or_zero(to_world.transposed_vector(unit_or_zero(n)));
     return result;
@@ -137,10 +150,11 @@ Mesh with_smooth_normals(const Mesh &mesh, float max_angle) {
     std::unordered_map<Vec3f, std::vector<Corner>, PositionHash> corners_at;
     for (std::uint32_t f = 0; f < face_count; ++f) {
         const auto corner = [&](std::size_t k) { return mesh.positions[mesh.triangles[f][k % 3]]; };
-        face_normals[f] = unit_or_zero(cross(corner(1) - corner(0), corner(2) - corner(0)));
-        for (std::size_t k = 0; k < 3; ++k)
-            corners_at[corner(k)].push_back(
-                {f, angle_between(corner(k + 1) - corner(k), corner(k + 2) - corner(k))});
+        const auto shape = [&](std::size_t k) {
+            return corner_shape(corner(k + 1) - corner(k), corner(k + 2) - corner(k));
+        };
+        face_normals[f] = shape(0).normal;
+        for (std::size_t k = 0; k < 3; ++k) corners_at[corner(k)].push_back({f, shape(k).angle});
     }
 
     Mesh result;

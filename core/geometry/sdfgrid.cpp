@@ -142,10 +142,11 @@ float SdfGrid::intersect(const Ray<float> &ray, std::uint32_t voxel) const {
         to = std::min(to, std::max(a, b));
     }
     if (!(from < to)) return infinity;
-    const auto root =
-        first_root(along_ray(corner_values(corner), o + d * from, d), static_cast<double>(to - from));
+    const float unit = unit_scale(max_component(abs(d))); // of the ray's parameter: about a voxel
+    const auto root = first_root(along_ray(corner_values(corner), o + d * from, d * unit),
+                                 static_cast<double>(to - from) / static_cast<double>(unit));
     if (!root) return infinity;
-    const float t = from + static_cast<float>(*root);
+    const float t = from + static_cast<float>(*root) * unit;
     return t > ray.near && t < ray.far ? t : infinity;
 }
 

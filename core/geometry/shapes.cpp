@@ -63,15 +63,15 @@ void TriangleMesh::prepare_sampling() {
     light_triangles.clear();
     for (const Triangle &t : mesh->triangles) {
         const Vec3f a = mesh->positions[t[0]], b = mesh->positions[t[1]], c = mesh->positions[t[2]];
-        const Vec3f scaled_normal = cross(b - a, c - a);
-        const float area = length(scaled_normal) / 2;
+        const EdgeCross<float> face(b - a, c - a);
+        const float length = sqrt(face.squared);
         const Vec3f shading =
-            has_normals() ? mesh->normals[t[0]] + mesh->normals[t[1]] + mesh->normals[t[2]] : scaled_normal;
-        const bool turned = (dot(scaled_normal, shading) < 0) != flip_normals;
-        const Vec3f normal = area > 0 ? scaled_normal / (turned ? -2 * area : 2 * area) : Vec3f(0);
+            has_normals() ? mesh->normals[t[0]] + mesh->normals[t[1]] + mesh->normals[t[2]] : face.normal;
+        const bool turned = (dot(face.normal, shading) < 0) != flip_normals;
+        const Vec3f normal = length > 0 ? face.normal / (turned ? -length : length) : Vec3f(0);
         light_triangles.push_back(
             {a, b - a, c - a, normal, position_error(std::max({largest(a), largest(b), largest(c)}))});
-        weights.push_back(area);
+        weights.push_back(face.area() / 2);
     }
     areas = Distribution(weights);
 }

@@ -115,7 +115,7 @@ struct Rectangle {
     void build();
     void prepare_sampling() {}
     Bounds bounds() const;
-    float area() const { return 4 * length(cross(to_world.axis(0), to_world.axis(1))); }
+    float area() const { return 4 * EdgeCross<float>(to_world.axis(0), to_world.axis(1)).area(); }
     std::array<Vec3f, 4> corners() const;
     void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
     SurfaceSample sample(float, Vec2f u) const;
@@ -139,7 +139,7 @@ struct Disk {
     void build();
     void prepare_sampling() {}
     Bounds bounds() const;
-    float area() const { return pi * length(cross(to_world.axis(0), to_world.axis(1))); }
+    float area() const { return pi * EdgeCross<float>(to_world.axis(0), to_world.axis(1)).area(); }
     float intersect(const Ray<float> &ray) const;
     void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
     SurfaceSample sample(float, Vec2f u) const;

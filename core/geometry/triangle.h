@@ -29,6 +29,28 @@ struct TriangleUvs {
     Vec2<Float> uv0, uv1, uv2;
 };
 
+// The cross product of two edges, which are scaled by a power of two where its square would overflow (edges
+// of 1e9) or vanish (of 1e-9).
+template <class Float>
+struct EdgeCross {
+    Vec3<Float> e1, e2; // scaled
+    Vec3<Float> normal; // not normalized
+    Float squared;      // its length
+    Float scale = 1;
+
+    EdgeCross(const Vec3<Float> &edge1, const Vec3<Float> &edge2)
+        : e1(edge1), e2(edge2), normal(cross(edge1, edge2)), squared(length_squared(normal)) {
+        if (all(squared > 1e-30f && squared < 1e30f)) [[likely]]
+            return;
+        scale = unit_scale(max_component(max(abs(e1), abs(e2))));
+        e1 *= scale, e2 *= scale;
+        normal = cross(e1, e2);
+        squared = length_squared(normal);
+    }
+    // Of the parallelogram that the edges span.
+    Float area() const { return sqrt(squared) / sqr(scale); }
+};
+
 // Fills in position, normals and what is needed of the derivatives at barycentric coordinates b1, b2.
 // `flipped` triangles are turned inside out.
 template <class Float>
@@ -40,9 +62,9 @@ void fill_triangle(const TriangleCorners<Float> &p, const TriangleNormals<Float>
     hit.position = p.a * b0 + p.b * b1 + p.c * b2;
     hit.position_error = position_error(max_component(max(max(abs(p.a), abs(p.b)), abs(p.c))));
 
-    const Vec3<Float> scaled_normal = cross(e1, e2);
-    const Float inverse_area = 1 / sqrt(length_squared(scaled_normal));
-    Vec3<Float> normal = scaled_normal * inverse_area, shading = normal;
+    const EdgeCross<Float> face(e1, e2);
+    const Float inverse_area = 1 / sqrt(face.squared);
+    Vec3<Float> normal = face.normal * inverse_area, shading = normal;
     hit.mean_curvature = Float(0);
     if (any(normals.present)) {
         const Vec3<Float> sum = normals.n0 * b0 + normals.n1 * b1 + normals.n2 * b2;
@@ -55,10 +77,10 @@ void fill_triangle(const TriangleCorners<Float> &p, const TriangleNormals<Float>
         if (needs.curvature) {
             // Half the trace of the map from steps on the triangle to changes of the normal, in the dual
             // basis of e1, e2.
-            const Vec3<Float> dual1 = cross(e2, scaled_normal), dual2 = cross(scaled_normal, e1);
+            const Vec3<Float> dual1 = cross(face.e2, face.normal), dual2 = cross(face.normal, face.e1);
             const Float trace = dot(normals.n1 - normals.n0, dual1) + dot(normals.n2 - normals.n0, dual2);
-            hit.mean_curvature =
-                select(smooth, trace * inverse_length * (0.5f * inverse_area * inverse_area), Float(0));
+            const Float curvature = trace * inverse_length * (0.5f * inverse_area * inverse_area);
+            hit.mean_curvature = select(smooth, curvature * face.scale, Float(0));
         }
     }
     hit.normal = select(flipped, -normal, normal);

@@ -58,7 +58,7 @@ std::array<Rgb<Float>, 2> MipMap::gradient(Vec2<Float> position) const {
 
 template <class Float>
 Rgb<Float> MipMap::trilinear(Vec2<Float> position, Float level) const {
-    const Float fine = min(max(Float(0), level), Float(coarsest())); // this order takes NaN to 0
+    const Float fine = clamp_number(level, 0.0f, coarsest());
     const auto index = to_int(fine);
     const Float between = fine - to_float(index);
     const Rgb<Float> finer = bilinear_at(window<Float>(*image_, index), position);

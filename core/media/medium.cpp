@@ -78,11 +78,16 @@ void Media::add(Medium medium) {
     } else if (directional && reads_volumes(phase))
         throw std::invalid_argument("a homogeneous medium cannot have particles that differ from place to "
                                     "place: their area is part of the extinction");
-    const bool finite = match(medium, [](const auto &m) {
-        if constexpr (requires { m.majorants; }) return std::isfinite(m.majorants.maximum());
-        else return is_finite(m.sigma_a + m.sigma_s) && is_finite(m.sigma_a * m.emission);
+    const float densest = match(medium, [&](const auto &m) {
+        if constexpr (requires { m.majorants; }) return m.majorants.maximum();
+        else
+            return is_finite(m.sigma_a * m.emission)
+                       ? max_component(m.sigma_a + m.sigma_s) * largest_area(phase)
+                       : infinity;
     });
-    if (!finite) throw std::invalid_argument("the medium is too dense: its extinction overflows");
+    if (!std::isfinite(densest))
+        throw std::invalid_argument("the medium is too dense: its extinction overflows");
+    densest_.push_back(densest);
     media_.push_back(std::move(medium));
     directional_.push_back(directional);
 }

@@ -35,6 +35,8 @@ struct Homogeneous {
                           field("phase", &Homogeneous::phase, "into which directions it scatters"));
     }
 
+    // Whether collisions are sampled, where media scatter; what only absorbs is known in closed form.
+    bool collides(bool scatters) const { return scatters && !is_black(sigma_s); }
     Coefficients coefficients(const auto &) const { return {sigma_a, sigma_s, sigma_a * emission}; }
 };
 
@@ -60,9 +62,10 @@ struct Heterogeneous {
             field("phase", &Heterogeneous::phase, "into which directions it scatters"));
     }
 
+    bool collides(bool) const { return true; }
     Coefficients coefficients(const auto &read) const {
         const Spectrum extinction = max(read.inside(sigma_t) * scale, Spectrum(0));
-        const Spectrum scattering = extinction * min(max(read(albedo), Spectrum(0)), Spectrum(1));
+        const Spectrum scattering = extinction * clamp(read(albedo), Spectrum(0), Spectrum(1));
         const Spectrum absorption = extinction - scattering;
         return {absorption, scattering, absorption * max(read(emission), Spectrum(0))};
     }
@@ -88,6 +91,10 @@ public:
     // What a medium does to light that travels along wo (either way) at a point.
     Coefficients coefficients(std::int32_t medium, const Vec3f &position, const Vec3f &wo) const;
     PhaseLobe phase(std::int32_t medium, const Vec3f &position) const;
+    // Whether an error of positions counts beside a medium's mean free path.
+    bool is_dense(std::int32_t medium, float position_error) const {
+        return densest_[static_cast<std::size_t>(medium)] * position_error > 1e-3f;
+    }
 
     std::size_t bytes() const;
 
@@ -99,6 +106,7 @@ private:
     std::vector<Phase> phases_;
     std::vector<Medium> media_;
     std::vector<bool> directional_; // whether a medium's extinction depends on the direction
+    std::vector<float> densest_;    // an upper bound of it
 };
 
 } // namespace lajolla

@@ -32,8 +32,10 @@ struct CoatingOf {
             field("specular_reflectance", &CoatingOf::specular_reflectance,
                   "tints the reflection; 1 is physical")
                 .range(0, 1),
-            field("int_ior", &CoatingOf::int_ior, "index of refraction of the layer").range(0),
-            field("ext_ior", &CoatingOf::ext_ior, "index of refraction outside").range(0),
+            field("int_ior", &CoatingOf::int_ior, "index of refraction of the layer")
+                .range(least_index, largest_index),
+            field("ext_ior", &CoatingOf::ext_ior, "index of refraction outside")
+                .range(least_index, largest_index),
             field("distribution", &CoatingOf::distribution, "statistics of the microfacets"),
             field("alpha", &CoatingOf::alpha, "roughness of the layer; 0 is smooth").range(0));
     }
@@ -129,10 +131,8 @@ struct CoatingOf {
                                    Float p) const {
             BsdfEval<Float> result;
             if (entering) {
-                const Vec3<Float> m = normalize(wo + wi);
-                const Float density = surface.visible(wo, m) / 4;
-                const Float f = fresnel_dielectric(dot(wo, m), eta).reflectance;
-                result = {reflectance * (f * density * surface.masking(wi)), density * p};
+                const auto [reflected, density] = detail::reflected_by_facets(surface, wo, wi, eta);
+                result = {reflectance * reflected, density * p};
             }
             const Side i = side(wi);
             const auto passes = o.inner.z > 0.0f && i.inner.z > 0.0f;

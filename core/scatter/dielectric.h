@@ -13,8 +13,10 @@ struct Dielectric {
 
     static constexpr auto fields() {
         return std::tuple(
-            field("int_ior", &Dielectric::int_ior, "index of refraction behind the surface").range(0),
-            field("ext_ior", &Dielectric::ext_ior, "index of refraction in front of the surface").range(0),
+            field("int_ior", &Dielectric::int_ior, "index of refraction behind the surface")
+                .range(least_index, largest_index),
+            field("ext_ior", &Dielectric::ext_ior, "index of refraction in front of the surface")
+                .range(least_index, largest_index),
             field("specular_reflectance", &Dielectric::specular_reflectance,
                   "tints the reflection; 1 is physical")
                 .range(0, 1),

@@ -4,8 +4,6 @@
 // a choice, the renderers that took them up differ; those differences are in the models.
 
 #include <memory>
-#include <stdexcept>
-#include <string>
 
 #include "scatter/bsdf.h"
 #include "scatter/microfacet.h"
@@ -36,14 +34,6 @@ Float reflectance_of_index(Float eta) {
     return sqr((eta - 1) / (eta + 1));
 }
 
-// The index of refraction inside relative to outside, such that a rough boundary bends light. Throws
-// std::invalid_argument where there is no such index.
-inline float checked_index(float eta, bool refracts) {
-    if (!(eta >= 1e-3f && eta <= 1e3f))
-        throw std::invalid_argument("eta must be between 0.001 and 1000, not " + std::to_string(eta));
-    return refracts && abs(eta - 1) < 1e-3f ? 1.001f : eta;
-}
-
 // What textures hold need not be a colour or a fraction. NaN is taken for 0, the first operand of max.
 template <class Float>
 Rgb<Float> colour(const Rgb<Float> &s) {
@@ -51,7 +41,7 @@ Rgb<Float> colour(const Rgb<Float> &s) {
 }
 template <class Float>
 Float fraction(Float x) {
-    return min(max(Float(0), x), Float(1));
+    return clamp_number(x, 0.0f, 1.0f);
 }
 
 // The normal halfway between two directions, and its cosine with either.

@@ -39,7 +39,8 @@ struct DisneyBsdf {
             field("clearcoat_gloss", &DisneyBsdf::clearcoat_gloss,
                   "0 is satin (alpha 0.1), 1 is glossy (alpha 0.001)")
                 .range(0, 1),
-            field("eta", &DisneyBsdf::eta, "index of refraction inside, relative to outside").range(0),
+            field("eta", &DisneyBsdf::eta, "index of refraction inside, relative to outside")
+                .range(least_index, largest_index),
             field("multiscatter", &DisneyBsdf::multiscatter,
                   "give back the light that bounces between microfacets and is reflected"));
     }
@@ -64,7 +65,7 @@ struct DisneyBsdf {
                 .diffuse_colour = &base_color};
     }
     void build() {
-        eta = disney::checked_index(eta, traits().transmissive);
+        if (traits().transmissive) eta = bending_index(eta);
         if (multiscatter) lost_ = disney::lost_by_reflection(roughness, anisotropic, least_alpha);
     }
 

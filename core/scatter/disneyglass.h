@@ -22,7 +22,8 @@ struct DisneyGlass {
                 .range(0, 1),
             field("anisotropic", &DisneyGlass::anisotropic, "stretches highlights along the tangent")
                 .range(0, 1),
-            field("eta", &DisneyGlass::eta, "index of refraction inside, relative to outside").range(0),
+            field("eta", &DisneyGlass::eta, "index of refraction inside, relative to outside")
+                .range(least_index, largest_index),
             field("multiscatter", &DisneyGlass::multiscatter,
                   "give back the light that bounces between microfacets, where anisotropic is 0"));
     }
@@ -37,7 +38,7 @@ struct DisneyGlass {
     using Lobe = RoughDielectric::Lobe<Float>;
 
     void build() {
-        eta = disney::checked_index(eta, true);
+        eta = bending_index(eta);
         if (!multiscatter) return;
         if (anisotropic != Texture<float>(0)) // as in RoughDielectric
             throw std::invalid_argument("multiscatter is for glass of one roughness; anisotropic must be 0");

@@ -49,8 +49,10 @@ struct Hair {
             field("scale_tilt", &Hair::scale_tilt, "slope of the scales on the fibre")
                 .range(-45, 45)
                 .unit("degrees"),
-            field("int_ior", &Hair::int_ior, "index of refraction of the fibre").range(0),
-            field("ext_ior", &Hair::ext_ior, "index of refraction outside").range(0));
+            field("int_ior", &Hair::int_ior, "index of refraction of the fibre")
+                .range(least_index, largest_index),
+            field("ext_ior", &Hair::ext_ior, "index of refraction outside")
+                .range(least_index, largest_index));
     }
     BsdfTraits traits() const { return {.transmissive = true, .anisotropic = true}; }
 

@@ -212,6 +212,19 @@ inline float reflected_fraction(const Microfacet<float> &surface, Vec3f w, Vec3f
     const Vec3f wi = reflect(w, m);
     return wi.z > 0 ? fresnel_dielectric(dot(w, m), eta).reflectance * surface.masking(wi) : 0;
 }
+// From wi to wo, both above a rough boundary: the value times cos(wi), and the density of sampling visible
+// normals.
+template <class Float>
+struct FacetReflection {
+    Float value, density;
+};
+template <class Float>
+FacetReflection<Float> reflected_by_facets(const Microfacet<Float> &surface, const Vec3<Float> &wo,
+                                           const Vec3<Float> &wi, std::type_identity_t<Float> eta) {
+    const Vec3<Float> m = normalize(wo + wi);
+    const Float density = surface.visible(wo, m) / 4;
+    return {fresnel_dielectric(dot(wo, m), eta).reflectance * density * surface.masking(wi), density};
+}
 inline float transmitted_fraction(const Microfacet<float> &surface, Vec3f w, Vec3f m, float eta) {
     const auto [f, cos_t] = fresnel_dielectric(dot(w, m), eta);
     const Vec3f wi = -refract(w, m, dot(w, m), cos_t, eta);

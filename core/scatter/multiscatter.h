@@ -60,7 +60,7 @@ private:
     };
     template <class Float>
     static Place<Float> place(Float coordinate, int count) { // coordinates from 0 to 1; NaN is taken for 0
-        const Float x = min(max(Float(0), coordinate), Float(1)) * to_float(count - 1);
+        const Float x = clamp_number(coordinate, 0.0f, 1.0f) * to_float(count - 1);
         const IntOf<Float> i = to_int(min(x, Float(to_float(count - 2))));
         return {i, x - to_float(i)};
     }

@@ -15,8 +15,10 @@ struct Plastic {
 
     static constexpr auto fields() {
         return std::tuple(
-            field("int_ior", &Plastic::int_ior, "index of refraction of the coat").range(0),
-            field("ext_ior", &Plastic::ext_ior, "index of refraction outside").range(0),
+            field("int_ior", &Plastic::int_ior, "index of refraction of the coat")
+                .range(least_index, largest_index),
+            field("ext_ior", &Plastic::ext_ior, "index of refraction outside")
+                .range(least_index, largest_index),
             field("diffuse_reflectance", &Plastic::diffuse_reflectance, "fraction of light the base reflects")
                 .range(0, 1),
             field("specular_reflectance", &Plastic::specular_reflectance,
@@ -78,10 +80,10 @@ struct Plastic {
 
     template <class Float>
     Lobe<Float> prepare(const auto &read) const {
-        const float relative = int_ior / ext_ior, inside = fresnel_diffuse_reflectance(1 / relative);
+        const float relative = int_ior / ext_ior, leaving = fresnel_diffuse_transmittance(1 / relative);
         const Rgb<Float> d = read(diffuse_reflectance), s = read(specular_reflectance);
         // The geometric series of reflections between base and coat; the linear variant keeps the hue.
-        const Rgb<Float> escaping = Rgb<Float>(1) - (nonlinear ? d * inside : Rgb<Float>(inside));
+        const Rgb<Float> escaping = nonlinear ? Rgb<Float>(1) - d + d * leaving : Rgb<Float>(leaving);
         return {relative, d / (escaping * sqr(relative)), s, mean(d), mean(s)};
     }
 };

@@ -26,7 +26,8 @@ struct Principled {
                 .range(0, 1),
             field("metallic", &Principled::metallic, "0 is a dielectric, 1 is a metal").range(0, 1),
             field("spec_trans", &Principled::spec_trans, "0 is opaque, 1 is glass").range(0, 1),
-            field("eta", &Principled::eta, "index of refraction inside, relative to outside").range(0),
+            field("eta", &Principled::eta, "index of refraction inside, relative to outside")
+                .range(least_index, largest_index),
             field("spec_tint", &Principled::spec_tint,
                   "gives a dielectric's reflection the hue of the base color")
                 .range(0, 1),
@@ -62,7 +63,7 @@ struct Principled {
                 .diffuse_colour = &base_color};
     }
     void build() {
-        eta = disney::checked_index(eta, traits().transmissive);
+        if (traits().transmissive) eta = bending_index(eta);
         if (multiscatter) lost_ = disney::lost_by_reflection(roughness, anisotropic, least_alpha);
     }
 

@@ -134,7 +134,7 @@ private:
     // What becomes of the light along wo that the reflection seen from outside loses, as a lobe over
     // L(wi) cos(wi) / pi. Refracted light that is lost stays so.
     [[gnu::noinline]] Rgb<Float> regained(const Vec3<Float> &wo) const {
-        const Rgb<Float> untinted(dielectric * fresnel_diffuse_reflectance(eta));
+        const Rgb<Float> untinted(dielectric * (1 - fresnel_diffuse_transmittance(eta)));
         const Rgb<Float> f =
             min(disney::schlick_mean(metal, Rgb<Float>(metal_edge)) + untinted, Rgb<Float>(1));
         return regained_by_reflection(f, lost->mean(surface)) * (*lost)(surface, wo);

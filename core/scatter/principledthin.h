@@ -107,7 +107,7 @@ struct PrincipledThin {
         }
 
         // Of the lost light: the fraction that is reflected in the end, as much as at a smooth boundary.
-        Float reflecting() const { return fresnel_diffuse_reflectance(eta); }
+        Float reflecting() const { return 1 - fresnel_diffuse_transmittance(eta); }
         // Over cos / pi.
         [[gnu::noinline]] Float lost_light(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
             const Float mean = max(lost->mean(front), Float(1e-6f));
@@ -224,7 +224,7 @@ struct PrincipledThin {
 private:
     template <class Float>
     static Float index_of(Float eta) {
-        return min(max(Float(1e-3f), eta), Float(1e3f));
+        return clamp_number(eta, least_index, largest_index);
     }
     template <class Float>
     static Microfacet<Float> front(Float roughness, std::type_identity_t<Float> stretch) {

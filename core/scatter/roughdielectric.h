@@ -26,9 +26,10 @@ struct RoughDielectric {
                 .range(0),
             field("alpha_v", &RoughDielectric::alpha_v, "roughness across the tangent, at least 0.0001")
                 .range(0),
-            field("int_ior", &RoughDielectric::int_ior, "index of refraction behind the surface").range(0),
+            field("int_ior", &RoughDielectric::int_ior, "index of refraction behind the surface")
+                .range(least_index, largest_index),
             field("ext_ior", &RoughDielectric::ext_ior, "index of refraction in front of the surface")
-                .range(0),
+                .range(least_index, largest_index),
             field("specular_reflectance", &RoughDielectric::specular_reflectance,
                   "tints the reflection; 1 is physical")
                 .range(0, 1),
@@ -167,7 +168,7 @@ struct RoughDielectric {
             const Float here = max(select(above, a, b), Float(1e-6f)),
                         there = max(select(above, b, a), Float(1e-6f));
             const Float beyond = index_beyond(wo), denser = max(beyond, 1 / beyond);
-            const Float entering = 1 - fresnel_diffuse_reflectance(denser);
+            const Float entering = fresnel_diffuse_transmittance(denser);
             const Float t = select(beyond > 1.0f, entering, entering / sqr(denser)) * min(here, there) / here;
             return {reflectance * ((1 - t) / here), transmittance * (t / there)};
         }
@@ -225,19 +226,20 @@ struct RoughDielectric {
             throw std::invalid_argument(
                 "multiscatter is for equal roughness along both tangents; alpha_u and alpha_v differ");
         lost_ = std::make_shared<Losses>(Microfacet<float>(distribution, alpha_u.constant, alpha_v.constant),
-                                         !alpha_u.is_constant(), int_ior / ext_ior);
+                                         !alpha_u.is_constant(), index());
     }
 
     template <class Float>
     Lobe<Float> prepare(const auto &read) const {
         return {{distribution, read(alpha_u), read(alpha_v)},
-                int_ior / ext_ior,
+                index(),
                 read(specular_reflectance),
                 read(specular_transmittance),
                 lost_.get()};
     }
 
 private:
+    float index() const { return bending_index(int_ior / ext_ior); }
     std::shared_ptr<const Losses> lost_;
 };
 

@@ -14,7 +14,7 @@ struct CosineTable {
     static float node(std::size_t i) { return max(static_cast<float>(i) / 63, 1e-6f); }
     template <class Float>
     Float operator()(Float cos_theta) const {
-        const Float x = min(max(Float(0), cos_theta), Float(1)) * 63; // NaN is taken for 0
+        const Float x = clamp_number(cos_theta, 0.0f, 1.0f) * 63;
         const IntOf<Float> i = to_int(min(x, Float(62)));
         return lerp(x - to_float(i), gather(values.data(), i), gather(values.data() + 1, i));
     }
@@ -33,8 +33,10 @@ struct RoughPlastic {
         return std::tuple(
             field("distribution", &RoughPlastic::distribution, "statistics of the microfacets"),
             field("alpha", &RoughPlastic::alpha, "roughness of the coat, at least 0.0001").range(0),
-            field("int_ior", &RoughPlastic::int_ior, "index of refraction of the coat").range(0),
-            field("ext_ior", &RoughPlastic::ext_ior, "index of refraction outside").range(0),
+            field("int_ior", &RoughPlastic::int_ior, "index of refraction of the coat")
+                .range(least_index, largest_index),
+            field("ext_ior", &RoughPlastic::ext_ior, "index of refraction outside")
+                .range(least_index, largest_index),
             field("diffuse_reflectance", &RoughPlastic::diffuse_reflectance,
                   "fraction of light the base reflects")
                 .range(0, 1),
@@ -91,11 +93,9 @@ struct RoughPlastic {
         }
         BsdfEval<Float> eval_above(const Vec3<Float> &wo, const Vec3<Float> &wi, Float t,
                                    const Choice &p) const {
-            const Vec3<Float> m = normalize(wo + wi);
-            const Float density = surface.visible(wo, m) / 4, cosine = cosine_hemisphere_pdf(wi.z);
-            const Float f = fresnel_dielectric(dot(wo, m), eta).reflectance;
-            return {reflectance * (f * density * surface.masking(wi)) +
-                        base * (cosine * t * (*entering)(wi.z)),
+            const auto [reflected, density] = detail::reflected_by_facets(surface, wo, wi, eta);
+            const Float cosine = cosine_hemisphere_pdf(wi.z);
+            return {reflectance * reflected + base * (cosine * t * (*entering)(wi.z)),
                     density * p.coat + cosine * p.base};
         }
     };
@@ -107,7 +107,7 @@ struct RoughPlastic {
         const float relative = int_ior / ext_ior;
         const Rgb<Float> d = read(diffuse_reflectance), s = read(specular_reflectance);
         // The geometric series of reflections between base and coat; the linear variant keeps the hue.
-        const Rgb<Float> escaping = Rgb<Float>(1) - (nonlinear ? d * inside_ : Rgb<Float>(inside_));
+        const Rgb<Float> escaping = nonlinear ? Rgb<Float>(1) - d + d * leaving_ : Rgb<Float>(leaving_);
         return {{distribution, alpha, alpha},
                 relative,
                 &entering_,
@@ -119,7 +119,7 @@ struct RoughPlastic {
 
 private:
     CosineTable entering_;
-    float inside_ = 0; // mean reflectance of the coat from below
+    float leaving_ = 1; // what the coat does not reflect of diffuse light from below
 };
 
 inline void RoughPlastic::build() {
@@ -138,11 +138,13 @@ inline void RoughPlastic::build() {
         entering += cos_theta * entering_.values[i];
         inside += cos_theta * fraction(detail::reflected_fraction, cos_theta, 1 / eta);
     }
-    // Mitsuba's mean over the nodes, so that the same file gives the same picture. Where nothing is lost,
-    // reciprocity asks that as much leaves: 1 - inside = mean(entering) / eta^2 (trapezoidal rule).
+    // Where nothing is lost, reciprocity asks that mean(entering) / eta^2 leaves (trapezoidal rule). Else it
+    // is Mitsuba's mean over the nodes, so that the same file gives the same picture; that is no less, but
+    // for an index that the nodes are too few for.
     const auto nodes = static_cast<float>(entering_.values.size());
     entering -= entering_.values.back() / 2;
-    inside_ = multiscatter ? 1 - 2 * entering / ((nodes - 1) * sqr(eta)) : 2 * inside / nodes;
+    const float reciprocal = 2 * entering / ((nodes - 1) * sqr(eta));
+    leaving_ = multiscatter ? reciprocal : max(1 - 2 * inside / nodes, reciprocal);
 }
 
 } // namespace lajolla

@@ -75,8 +75,7 @@ struct SquareGrid {
     float rows() const { return to_float(height - 1); }
     template <class Float>
     Cell<Float> cell(const Vec2<Float> &p) const {
-        const auto within = [](Float v) { return min(max(Float(0), v), Float(1)); }; // NaN is taken for 0
-        const Float x = within(p.x) * columns(), y = within(p.y) * rows();
+        const Float x = clamp_number(p.x, 0.0f, 1.0f) * columns(), y = clamp_number(p.y, 0.0f, 1.0f) * rows();
         const IntOf<Float> column = to_int(min(x, Float(columns() - 1))),
                            row = to_int(min(y, Float(rows() - 1)));
         return {column, row, {x - to_float(column), y - to_float(row)}};

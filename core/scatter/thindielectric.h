@@ -13,15 +13,16 @@ struct ThinDielectric {
     Texture<Spectrum> specular_reflectance{Spectrum(1)}, specular_transmittance{Spectrum(1)};
 
     static constexpr auto fields() {
-        return std::tuple(
-            field("int_ior", &ThinDielectric::int_ior, "index of refraction of the sheet").range(0),
-            field("ext_ior", &ThinDielectric::ext_ior, "index of refraction around the sheet").range(0),
-            field("specular_reflectance", &ThinDielectric::specular_reflectance,
-                  "tints the reflection; 1 is physical")
-                .range(0, 1),
-            field("specular_transmittance", &ThinDielectric::specular_transmittance,
-                  "tints the transmission; 1 is physical")
-                .range(0, 1));
+        return std::tuple(field("int_ior", &ThinDielectric::int_ior, "index of refraction of the sheet")
+                              .range(least_index, largest_index),
+                          field("ext_ior", &ThinDielectric::ext_ior, "index of refraction around the sheet")
+                              .range(least_index, largest_index),
+                          field("specular_reflectance", &ThinDielectric::specular_reflectance,
+                                "tints the reflection; 1 is physical")
+                              .range(0, 1),
+                          field("specular_transmittance", &ThinDielectric::specular_transmittance,
+                                "tints the transmission; 1 is physical")
+                              .range(0, 1));
     }
 
     BsdfTraits traits() const { return {.transmissive = true, .delta = true, .null_transmission = true}; }

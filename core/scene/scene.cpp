@@ -11,22 +11,9 @@ Bounds bounds_of(const Shape &shape) {
 }
 
 BoundingSphere sphere_around(const SceneParts &parts) {
-    std::vector<bool> is_member(parts.shapes.size(), false);
-    std::vector<Bounds> groups;
-    for (const Group &group : parts.groups) {
-        Bounds &box = groups.emplace_back();
-        for (const std::uint32_t id : group) {
-            box.extend(bounds_of(parts.shapes[id]));
-            is_member[id] = true;
-        }
-    }
-    Bounds box;
-    for (std::size_t id = 0; id < parts.shapes.size(); ++id)
-        if (!is_member[id]) box.extend(bounds_of(parts.shapes[id]));
-    for (const Instance &instance : parts.instances)
-        box.extend(instance.placed(groups[static_cast<std::size_t>(instance.group)]));
+    const Bounds box = bounds_of(parts);
     if (box.empty()) return {};
-    return {(box.low + box.high) * 0.5f, std::max(length(box.high - box.low) / 2, 1e-6f)};
+    return {(box.low + box.high) * 0.5f, std::max(length(box.high - box.low) / 2, 1e-15f)};
 }
 
 HitNeeds needs_of(const SceneParts &parts, std::span<const BsdfTraits> traits, bool reads_footprints) {
@@ -49,6 +36,24 @@ MeshArrays arrays_of(const Shape &shape) {
 }
 
 } // namespace
+
+Bounds bounds_of(const SceneParts &parts) {
+    std::vector<bool> is_member(parts.shapes.size(), false);
+    std::vector<Bounds> groups;
+    for (const Group &group : parts.groups) {
+        Bounds &box = groups.emplace_back();
+        for (const std::uint32_t id : group) {
+            box.extend(bounds_of(parts.shapes[id]));
+            is_member[id] = true;
+        }
+    }
+    Bounds box;
+    for (std::size_t id = 0; id < parts.shapes.size(); ++id)
+        if (!is_member[id]) box.extend(bounds_of(parts.shapes[id]));
+    for (const Instance &instance : parts.instances)
+        box.extend(instance.placed(groups[static_cast<std::size_t>(instance.group)]));
+    return box;
+}
 
 Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter) {
     for (std::size_t i = 0; i < parts_.shapes.size(); ++i) {
@@ -182,6 +187,12 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
             set_lane(result, k, hit(lane_of(rays, k), hits[k], cone, needs));
         });
     return result;
+}
+
+Vec3f Scene::offset(Vec3f p, double origins) const {
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        p[axis] = static_cast<float>(static_cast<double>(p[axis]) + origins * parts_.origin[axis]);
+    return p;
 }
 
 std::optional<Scene::PlainMaterial> Scene::plain_material(std::int32_t id) const {

@@ -2,6 +2,7 @@
 // The scene: immutable after building, flat arrays and 32-bit ids. How it is to be rendered is not part of
 // it.
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <span>
@@ -41,7 +42,11 @@ struct SceneParts {
     std::int32_t camera_medium = -1; // -1 for none
     Film film;
     PixelFilter filter;
+    std::array<double, 3> origin{}; // where in the world the origin of all coordinates here is
 };
+
+// What encloses all shapes outside of groups, and the instances.
+Bounds bounds_of(const SceneParts &parts);
 
 // A surface whose lobe is of any model.
 using AnySurface = Surface<float, Lobe>;
@@ -120,6 +125,8 @@ public:
     // The bitmap that the front BSDF of a hit's material reads first, if any.
     const Bitmap *first_bitmap(const Hit<float> &hit) const;
 
+    Vec3f in_world(Vec3f p) const { return offset(p, 1); }
+    Vec3f from_world(Vec3f p) const { return offset(p, -1); }
     Vec3f camera_space(Vec3f p) const { return to_camera_.point(p); }
     const BoundingSphere &bounding_sphere() const { return bounding_sphere_; } // of all shapes
 
@@ -174,6 +181,7 @@ private:
     Side side(const Hit<float> &hit, const Vec3f &wo) const;
     void fill_in_instance(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs,
                           Hit<float> &hit) const;
+    Vec3f offset(Vec3f p, double origins) const;
     SceneParts parts_;
     std::vector<BsdfTraits> bsdf_traits_;
     std::vector<MeshArrays> meshes_; // of each shape that is a mesh

@@ -28,14 +28,14 @@ float gaussian_curvature(const TriangleMesh &shape, const Hit<float> &hit) {
     const Mesh &mesh = *shape.mesh;
     if (shape.face_normals || mesh.normals.empty()) return 0;
     const Triangle &t = mesh.triangles[static_cast<std::size_t>(hit.primitive)];
-    const Vec3f e1 = mesh.positions[t[1]] - mesh.positions[t[0]],
-                e2 = mesh.positions[t[2]] - mesh.positions[t[0]];
+    const EdgeCross<float> face(mesh.positions[t[1]] - mesh.positions[t[0]],
+                                mesh.positions[t[2]] - mesh.positions[t[0]]);
     const Vec3f n0 = mesh.normals[t[0]], d1 = mesh.normals[t[1]] - n0, d2 = mesh.normals[t[2]] - n0;
-    const Vec3f sum = n0 + d1 * hit.barycentric.x + d2 * hit.barycentric.y, scaled_normal = cross(e1, e2);
-    const Vec3f dual1 = cross(e2, scaled_normal), dual2 = cross(scaled_normal, e1);
-    const float scale = length(sum) * length_squared(scaled_normal);
+    const Vec3f sum = n0 + d1 * hit.barycentric.x + d2 * hit.barycentric.y;
+    const Vec3f dual1 = cross(face.e2, face.normal), dual2 = cross(face.normal, face.e1);
+    const float scale = length(sum) * face.squared;
     const float determinant = dot(d1, dual1) * dot(d2, dual2) - dot(d2, dual1) * dot(d1, dual2);
-    return scale > 0 ? determinant / sqr(scale) : 0;
+    return scale > 0 ? determinant / sqr(scale) * sqr(face.scale) : 0;
 }
 
 float gaussian_curvature(const TexturePoint<float> &at) {
@@ -122,7 +122,7 @@ float Wireframe::interior(const TexturePoint<float> &at) const {
     const Vec3f a = mesh.positions[t[0]], b = mesh.positions[t[1]], c = mesh.positions[t[2]];
     const Vec2f bary = at.hit->barycentric;
     // The height over an edge is the barycentric coordinate of the corner opposite times the whole height.
-    const float twice_area = length(cross(b - a, c - a));
+    const float twice_area = EdgeCross<float>(b - a, c - a).area();
     const float nearest = twice_area * std::min({(1 - bary.x - bary.y) / length(c - b),
                                                  bary.x / length(c - a), bary.y / length(b - a)});
     const float width = line_width > 0 ? line_width : 0.1f * shape->mean_edge;

@@ -181,7 +181,7 @@ struct ClampedTexture {
     template <class Float>
     Rgb<Float> evaluate(const TexturePoint<Float> &, const auto &read) const {
         const Rgb<Float> lowest = Spectrum(low), highest = Spectrum(high);
-        return min(max(lowest, read(texture)), highest); // this order takes NaN to `low`
+        return clamp_number(read(texture), lowest, highest);
     }
     template <class Float>
     UvGradient<Float> gradient(const TexturePoint<Float> &, const auto &read) const {

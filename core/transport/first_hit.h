@@ -88,7 +88,7 @@ inline Spectrum FirstHit::value(const Scene &scene, const CameraRay<float> &came
     switch (quantity) {
     case Quantity::albedo: return scene.albedo(hit, -camera.ray.direction, camera.u_event);
     case Quantity::depth: return Spectrum(hit.distance);
-    case Quantity::position: return Spectrum(hit.position);
+    case Quantity::position: return Spectrum(scene.in_world(hit.position));
     case Quantity::uv: return pair(hit.uv);
     case Quantity::geo_normal: return Spectrum(hit.normal);
     case Quantity::sh_normal:

@@ -16,10 +16,60 @@ inline constexpr int max_collisions = 1 << 16;
 
 // What happens to a path on one straight piece of its way through a medium.
 struct Flight {
-    std::optional<Vec3f> collision; // where it is scattered; none where it comes to the end of the piece
-    Spectrum weight{1};             // of all that comes from there
-    Spectrum emitted{0};            // by the medium on the way, weighted
-    float pdf = 1;                  // of coming to the end: of all that did not happen
+    std::optional<Vec3f> collision;    // where it is scattered; none where it comes to the end of the piece
+    std::optional<Hit<float>> surface; // the end, where it is not what the path's ray found
+    Spectrum weight{1};                // of all that comes from there
+    Spectrum emitted{0};               // by the medium on the way, weighted
+    float pdf = 1;                     // of coming to the end: of all that did not happen
+};
+
+// A place near a surface, more finely than coordinates can tell it: light enters a dense medium no deeper
+// than a few ulps of them. Here the surface is a plane, and the medium is the same everywhere.
+class NearSurface {
+public:
+    // A path at a hit, on the side of `direction`.
+    NearSurface(const Hit<float> &hit, const Vec3f &direction, const Vec3f &offset = Vec3f(0))
+        : hit_(hit), inwards_(hit.normal * copysign(1.0f, dot(hit.normal, direction))), offset_(offset) {}
+
+    const Hit<float> &hit() const { return hit_; }
+    void move(const Vec3f &step) { offset_ += step; }
+    bool reaches(float distance) const { return distance < radius(); }
+
+    // Where the medium is looked up, and rays start: as far from the surface as rays that leave it.
+    Vec3f inside() const { return hit_.position + inwards_ * hit_.position_error; }
+    Vec3f position() const { return hit_.position + offset_ + inwards_ * lift(); }
+
+    // How far a path can go along a direction before it is somewhere else, and whether it then meets the
+    // surface.
+    struct Way {
+        float length;
+        bool meets_surface;
+    };
+    Way way(const Vec3f &direction) const {
+        const float along = dot(offset_, direction);
+        const float to_rim = safe_sqrt(sqr(along) + sqr(radius()) - length_squared(offset_)) - along;
+        const float to_surface = depth() / -dot(inwards_, direction);
+        const bool meets = dot(inwards_, direction) < 0 && to_surface <= to_rim;
+        return {meets ? to_surface : max(to_rim, 0.0f), meets};
+    }
+
+    // What a ray from position() is from the true place, with the same end.
+    Ray<float> lowered(Ray<float> ray) const {
+        const float cosine = dot(inwards_, ray.direction);
+        constexpr float least_cosine = 1.0f / 32; // what grazes the surface would start too far back
+        ray.far = max(ray.far + lift() / copysign(max(abs(cosine), least_cosine), cosine), ray.near);
+        ray.origin = hit_.position + offset_;
+        return ray;
+    }
+
+private:
+    float radius() const { return 8 * hit_.position_error; }
+    float depth() const { return max(dot(offset_, inwards_), 0.0f); }
+    float lift() const { return max(hit_.position_error - depth(), 0.0f); }
+
+    Hit<float> hit_;
+    Vec3f inwards_; // the normal on the path's side
+    Vec3f offset_;  // from the hit
 };
 
 // Between surfaces there is nothing: the loop is compiled for this where a scene has no media.
@@ -86,6 +136,8 @@ public:
     void cross(const Hit<float> &hit, const Vec3f &direction) {
         if (hit.interior >= 0 || hit.exterior >= 0)
             current = dot(hit.normal, direction) > 0 ? hit.exterior : hit.interior;
+        if (current >= 0) near_.emplace(hit, direction);
+        else near_.reset();
     }
 
     // To what a path's ray found, or to a collision before. `u` is a uniform number; what it is afterwards
@@ -94,12 +146,21 @@ public:
 
     // Attenuates light along the whole ray.
     void attenuate(const Scene &scene, const Ray<float> &ray, Transmittance &light);
+    // The surface that a shadow ray meets at once, if it starts so near; attenuates its light up to there.
+    std::optional<Hit<float>> attenuate_to_surface(const Scene &scene, const Vec3f &direction,
+                                                   Transmittance &light) const;
     // The density of a path coming as far as the light, sampled by any channel.
     float path_pdf(const Transmittance &light) const { return mean(density_ * light.path_pdf); }
 
 private:
-    Flight fly(const Homogeneous &model, const Media &media, const Ray<float> &ray, float &u);
-    Flight fly(const Heterogeneous &model, const Media &media, const Ray<float> &ray, float &u);
+    // These add the next piece of a flight, on which the path collides after `thickness`; of that what is
+    // left, and the distance from the ray's origin if it collides.
+    std::optional<float> fly(const Coefficients &even, float length, float &thickness, Flight &flight);
+    std::optional<float> fly(const Homogeneous &model, const Media &media, const Ray<float> &ray,
+                             float thickness, Flight &flight, float &u);
+    std::optional<float> fly(const Heterogeneous &model, const Media &media, const Ray<float> &ray,
+                             float thickness, Flight &flight, float &u);
+    void attenuate(const Coefficients &even, float length, Transmittance &light) const;
     void attenuate(const Homogeneous &model, const Media &media, const Ray<float> &ray, Transmittance &light);
     void attenuate(const Heterogeneous &model, const Media &media, const Ray<float> &ray,
                    Transmittance &light);
@@ -117,6 +178,7 @@ private:
     std::size_t channel_; // that distances are sampled by, on the whole path
     Spectrum density_{1}; // of the path so far, sampled by each channel, over the mean of the three
     NumberStream numbers_;
+    std::optional<NearSurface> near_; // where the path is, if it has just been at a surface
 };
 
 namespace detail {
@@ -152,34 +214,40 @@ inline float InMedia::event(const Spectrum &f, const Spectrum &p, Spectrum &weig
 }
 
 // In closed form. A medium that only absorbs has no collisions: its weight is exact.
-inline Flight InMedia::fly(const Homogeneous &, const Media &media, const Ray<float> &ray, float &u) {
-    const Coefficients at = coefficients(media, ray.origin, ray.direction);
-    const Spectrum sigma_t = at.sigma_t();
-    const float length = ray.far - ray.near;
-    Flight flight;
-    if (!is_black(at.emission)) flight.emitted = at.emission * detail::mean_free_part(sigma_t, length);
-    if (is_black(at.sigma_s)) {
-        flight.weight = detail::exp_minus(sigma_t, length);
-        return flight;
+inline std::optional<float> InMedia::fly(const Coefficients &even, float length, float &thickness,
+                                         Flight &flight) {
+    const Spectrum sigma_t = even.sigma_t();
+    if (!is_black(even.emission))
+        flight.emitted += flight.weight * even.emission * detail::mean_free_part(sigma_t, length);
+    if (is_black(even.sigma_s)) {
+        flight.weight *= detail::exp_minus(sigma_t, length);
+        return std::nullopt;
     }
-    const float distance = detail::sample_thickness(draw(u)) / sigma_t[channel_];
+    const float distance = thickness / sigma_t[channel_];
     if (distance < length) {
         const Spectrum transmitted = detail::exp_minus(sigma_t, distance);
-        flight.collision = ray.origin + ray.direction * (ray.near + distance);
-        event(transmitted * at.sigma_s, transmitted * sigma_t, flight.weight);
-    } else {
-        const Spectrum transmitted = detail::exp_minus(sigma_t, length);
-        flight.pdf = event(transmitted, transmitted, flight.weight);
+        event(transmitted * even.sigma_s, transmitted * sigma_t, flight.weight);
+        return distance;
     }
-    return flight;
+    thickness = max(thickness - length * sigma_t[channel_], 0.0f);
+    const Spectrum transmitted = detail::exp_minus(sigma_t, length);
+    flight.pdf *= event(transmitted, transmitted, flight.weight);
+    return std::nullopt;
+}
+
+inline std::optional<float> InMedia::fly(const Homogeneous &, const Media &media, const Ray<float> &ray,
+                                         float thickness, Flight &flight, float &) {
+    const Coefficients at = coefficients(media, ray.origin, ray.direction);
+    const auto distance = fly(at, ray.far - ray.near, thickness, flight);
+    return distance ? std::optional(ray.near + *distance) : std::nullopt;
 }
 
 // Delta tracking (Woodcock et al. 1965) below majorants that are constant in pieces. They are alike for all
 // channels, and for sampling lights: their densities cancel, and only what a collision turns out to be
 // counts.
-inline Flight InMedia::fly(const Heterogeneous &model, const Media &media, const Ray<float> &ray, float &u) {
-    Flight flight;
-    float thickness = detail::sample_thickness(draw(u));
+inline std::optional<float> InMedia::fly(const Heterogeneous &model, const Media &media,
+                                         const Ray<float> &ray, float thickness, Flight &flight, float &u) {
+    std::optional<float> collision;
     int collisions = 0;
     model.majorants.traverse(ray, [&](float t, float end, float majorant) {
         while (thickness < (end - t) * majorant) {
@@ -189,12 +257,11 @@ inline Flight InMedia::fly(const Heterogeneous &model, const Media &media, const
             }
             t += thickness / majorant;
             thickness = detail::sample_thickness(draw(u));
-            const Vec3f position = ray.origin + ray.direction * t;
-            const Coefficients at = coefficients(media, position, ray.direction);
+            const Coefficients at = coefficients(media, ray.origin + ray.direction * t, ray.direction);
             flight.emitted += flight.weight * at.emission / majorant;
             const Spectrum real = min(at.sigma_t() / majorant, Spectrum(1));
             if (draw(u) < real[channel_]) {
-                flight.collision = position;
+                collision = t;
                 event(at.sigma_s / majorant, real, flight.weight);
                 return false;
             }
@@ -204,16 +271,19 @@ inline Flight InMedia::fly(const Heterogeneous &model, const Media &media, const
         thickness -= (end - t) * majorant;
         return true;
     });
-    return flight;
+    return collision;
 }
 
 // Closed form.
+inline void InMedia::attenuate(const Coefficients &even, float length, Transmittance &light) const {
+    const Spectrum transmitted = detail::exp_minus(even.sigma_t(), length);
+    light.weight *= transmitted;
+    if (!is_black(even.sigma_s)) light.path_pdf *= transmitted;
+}
+
 inline void InMedia::attenuate(const Homogeneous &, const Media &media, const Ray<float> &ray,
                                Transmittance &light) {
-    const Coefficients at = coefficients(media, ray.origin, ray.direction);
-    const Spectrum transmitted = detail::exp_minus(at.sigma_t(), ray.far - ray.near);
-    light.weight *= transmitted;
-    if (!is_black(at.sigma_s)) light.path_pdf *= transmitted;
+    attenuate(coefficients(media, ray.origin, ray.direction), ray.far - ray.near, light);
 }
 
 // Ratio tracking (Novák et al. 2014, "Residual ratio tracking for estimating attenuation in participating
@@ -244,15 +314,57 @@ inline void InMedia::attenuate(const Heterogeneous &model, const Media &media, c
 
 inline Flight InMedia::fly(const Scene &scene, Ray<float> ray, const std::optional<RayHit> &found, float &u) {
     if (current < 0) return {};
+    const Media &media = scene.media();
+    const Ray<float> given = ray;
     ray.near = 0; // a camera's near plane hides surfaces, not the medium before it
     if (found) ray.far = found->distance;
-    return match(scene.media()[current],
-                 [&](const auto &model) { return fly(model, scene.media(), ray, u); });
+
+    Flight flight;
+    const bool collides = match(media[current], [&](const auto &model) { return model.collides(scatters_); });
+    float thickness = collides ? detail::sample_thickness(draw(u)) : infinity;
+    if (near_) {
+        ray = near_->lowered(ray);
+        if (media.is_dense(current, near_->hit().position_error)) {
+            const NearSurface::Way way = near_->way(ray.direction);
+            const Coefficients at = coefficients(media, near_->inside(), ray.direction);
+            const auto distance = fly(at, way.length, thickness, flight);
+            if (distance) near_->move(ray.direction * *distance);
+            if (distance) flight.collision = near_->position();
+            else if (way.meets_surface) flight.surface = near_->hit();
+            if (distance || way.meets_surface) return flight;
+            ray.near = min(way.length, ray.far);
+        }
+    }
+    near_.reset();
+    const auto distance = match(
+        media[current], [&](const auto &model) { return fly(model, media, ray, thickness, flight, u); });
+    if (!distance) return flight;
+    flight.collision = ray.origin + ray.direction * *distance;
+    if (!found || !media.is_dense(current, position_error(max_component(abs(*flight.collision)))))
+        return flight;
+    const Hit<float> hit = scene.hit(given, *found, {}, scene.needs());
+    const Vec3f offset = ray.direction * (*distance - ray.far);
+    if (const NearSurface ahead(hit, -ray.direction, offset); ahead.reaches(ray.far - *distance)) {
+        near_ = ahead;
+        flight.collision = near_->position();
+    }
+    return flight;
 }
 
 inline void InMedia::attenuate(const Scene &scene, const Ray<float> &ray, Transmittance &light) {
     if (current < 0) return;
-    match(scene.media()[current], [&](const auto &model) { attenuate(model, scene.media(), ray, light); });
+    const Ray<float> lowered = near_ ? near_->lowered(ray) : ray;
+    match(scene.media()[current],
+          [&](const auto &model) { attenuate(model, scene.media(), lowered, light); });
+}
+
+inline std::optional<Hit<float>> InMedia::attenuate_to_surface(const Scene &scene, const Vec3f &direction,
+                                                               Transmittance &light) const {
+    if (current < 0 || !near_) return std::nullopt;
+    const NearSurface::Way way = near_->way(direction);
+    if (!way.meets_surface) return std::nullopt;
+    attenuate(coefficients(scene.media(), near_->inside(), direction), way.length, light);
+    return near_->hit();
 }
 
 } // namespace lajolla

@@ -215,9 +215,9 @@ private:
     template <class Float>
     Float weight_of_light(const DirectSample<Float> &light, Float path_pdf) const;
 
-    // Follows the ray through the medium that it is in, up to what was found; where the path collides before.
-    std::optional<Vec3f> cross_medium(const Scene &scene, const std::optional<RayHit> &found,
-                                      Walk<InMedia> &walk) const;
+    // Follows the ray through the medium that it is in, up to what was found, or to where the path collides
+    // before.
+    Flight cross_medium(const Scene &scene, const std::optional<RayHit> &found, Walk<InMedia> &walk) const;
     void scatter_in_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                            const BounceSample<float> &u, const Vec3f &collision, Walk<InMedia> &walk) const;
     // Scatters the path at a surface; false where it ends.
@@ -272,14 +272,15 @@ bool Path::goes_on(const Sampler &sampler, const BounceSample<float> &u, float h
     return result;
 }
 
-inline std::optional<Vec3f> Path::cross_medium(const Scene &scene, const std::optional<RayHit> &found,
-                                               Walk<InMedia> &walk) const {
+inline Flight Path::cross_medium(const Scene &scene, const std::optional<RayHit> &found,
+                                 Walk<InMedia> &walk) const {
     PathState<float> &path = walk.path;
-    const Flight flight = walk.medium.fly(scene, path.ray, found, path.u_event);
+    Flight flight = walk.medium.fly(scene, path.ray, found, path.u_event);
     walk.radiance += path.throughput * flight.emitted;
     path.throughput *= flight.weight;
     path.pdf *= flight.pdf;
-    return flight.collision;
+    if (flight.surface) flight.surface->footprint = path.cone;
+    return flight;
 }
 
 inline void Path::scatter_in_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
@@ -344,20 +345,22 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                 const std::optional<RayHit> &found, Walk<Medium> &walk) const {
     PathState<float> &path = walk.path;
     const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(path.block));
+    Flight flight;
     if constexpr (Medium::present)
         if (walk.medium.current >= 0) {
-            const auto collision = cross_medium(scene, found, walk);
-            if (is_black(path.throughput) || (collision && path.depth == max_depth)) return false;
-            if (collision) {
-                scatter_in_medium(scene, tracer, sampler, u, *collision, walk);
+            flight = cross_medium(scene, found, walk);
+            if (is_black(path.throughput) || (flight.collision && path.depth == max_depth)) return false;
+            if (flight.collision) {
+                scatter_in_medium(scene, tracer, sampler, u, *flight.collision, walk);
                 return goes_on(sampler, u, 1, walk);
             }
         }
-    if (!found) {
+    if (!found && !flight.surface) {
         leave_scene(scene, walk);
         return false;
     }
-    const Hit<float> hit = scene.hit(path.ray, *found, path.cone, scene.needs());
+    const Hit<float> hit =
+        flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.cone, scene.needs());
     const Outcome outcome = meet(scene, hit, walk);
     if (outcome != Outcome::stopped) return outcome == Outcome::passed;
     if (path.depth == max_depth || !surfaces_scatter) return false;

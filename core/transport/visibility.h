@@ -20,25 +20,34 @@ Ray<Float> shadow_ray(const Vec3<Float> &origin, Float origin_error, const Direc
             select(distant, Float(infinity), far)};
 }
 
+// Lets a shadow ray that is attenuated up to a surface pass through it; false where that is opaque.
+template <class Medium>
+bool pass(const Scene &scene, const Hit<float> &hit, const DirectSample<float> &light, auto &&attenuate,
+          Medium &medium, typename Medium::Transmittance &result) {
+    const NullTransmission<float> through = scene.null_transmission(hit, -light.wi);
+    if (through.probability == 0) return false;
+    attenuate();
+    result.pass(through);
+    medium.cross(hit, light.wi);
+    return true;
+}
+
 // What remains of a sampled light after its shadow ray, of which the first hit was found; nothing where
 // something opaque is in between. `error` is that of the vertex, before whose
 // light each part of the ray ends.
 template <class Medium>
 std::optional<typename Medium::Transmittance>
 transmittance(const Scene &scene, Tracer &tracer, Ray<float> ray, std::optional<RayHit> found, float error,
-              const DirectSample<float> &light, Medium medium) {
-    typename Medium::Transmittance result;
+              const DirectSample<float> &light, Medium medium, typename Medium::Transmittance result = {}) {
     const auto attenuate = [&](float t) {
         medium.attenuate(scene, {ray.origin, light.wi, 0, t * length(ray.direction)}, result);
     };
     for (int passed = 0; found; ++passed) {
         if (passed == max_null_transmissions) return std::nullopt;
         const Hit<float> hit = scene.hit(ray, *found, {}, scene.needs());
-        const NullTransmission<float> through = scene.null_transmission(hit, -light.wi);
-        if (through.probability == 0) return std::nullopt;
-        attenuate(found->distance);
-        result.pass(through);
-        medium.cross(hit, light.wi);
+        if (!pass(
+                scene, hit, light, [&] { attenuate(found->distance); }, medium, result))
+            return std::nullopt;
         ray = shadow_ray(leave(hit, light.wi), error, light);
         if (dot(ray.direction, light.wi) <= 0) return result;
         found = tracer.closest(ray);
@@ -54,11 +63,20 @@ std::optional<typename Medium::Transmittance> transmittance(const Scene &scene, 
                                                             const DirectSample<float> &light, Medium medium) {
     vertex.enter(medium, light.wi);
     const float error = vertex.position_error();
-    const Ray<float> ray = shadow_ray(vertex.leave(light.wi), error, light);
+    Vec3f origin = vertex.leave(light.wi);
+    typename Medium::Transmittance result;
+    if constexpr (Medium::present)
+        if (const auto surface = medium.attenuate_to_surface(scene, light.wi, result)) {
+            if (!pass(
+                    scene, *surface, light, [] {}, medium, result))
+                return std::nullopt;
+            origin = leave(*surface, light.wi);
+        }
+    const Ray<float> ray = shadow_ray(origin, error, light);
     std::optional<RayHit> found;
     if (scene.has_null_transmission()) found = tracer.closest(ray);
     else if (tracer.occluded(ray)) return std::nullopt;
-    return transmittance(scene, tracer, ray, found, error, light, medium);
+    return transmittance(scene, tracer, ray, found, error, light, medium, result);
 }
 
 } // namespace lajolla

@@ -20,41 +20,54 @@ if TYPE_CHECKING:
     from lajolla import _core as _core
     from lajolla import catalog as catalog
     from lajolla import comparison as comparison
+    from lajolla import completion as completion
     from lajolla import film as film
     from lajolla import image as image
+    from lajolla import outputs as outputs
+    from lajolla import picture_formats as picture_formats
     from lajolla import render as render
+    from lajolla import report as report
     from lajolla import scene as scene
     from lajolla import survey as survey
     from lajolla import whole_files as whole_files
     from lajolla.image import Image
     from lajolla.loading import Scene, load, load_dict
+    from lajolla.messages import LajollaWarning
     from lajolla.options import OptionError
     from lajolla.picture_files import ImageError, ImageWarning
     from lajolla.render import Progress, Rendering
-    from lajolla.scene import SceneError
+    from lajolla.scene import SceneError, SceneWarning
+
+    __version__: str
 
 __all__ = [
     "Image",
     "ImageError",
     "ImageWarning",
+    "LajollaWarning",
     "OptionError",
     "Progress",
     "Rendering",
     "Scene",
     "SceneError",
+    "SceneWarning",
     "load",
     "load_dict",
 ]
 
 # Modules and names are imported when they are first used: `lajolla --help` does without NumPy and the core.
-_MODULES = ("_core", "catalog", "comparison", "film", "image", "render", "scene", "survey", "whole_files")
+_MODULES = tuple(
+    "_core catalog comparison completion film image outputs picture_formats render report scene survey "
+    "whole_files".split()
+)
 _HOMES = {
     "Image": "image",
     **dict.fromkeys(("ImageError", "ImageWarning"), "picture_files"),
     "OptionError": "options",
     **dict.fromkeys(("Progress", "Rendering"), "render"),
     **dict.fromkeys(("Scene", "load", "load_dict"), "loading"),
-    "SceneError": "scene",
+    **dict.fromkeys(("SceneError", "SceneWarning"), "scene"),
+    "LajollaWarning": "messages",
 }
 
 with suppress(processor.LevelError):  # who asks for the core is told, not who asks for help
@@ -68,10 +81,14 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401
         processor.core_folders(__path__)  # raises LevelError where no build can be used
     if name in _MODULES:
         return import_module(f"lajolla.{name}")
+    if name == "__version__":
+        from importlib.metadata import version  # takes long
+
+        return version("lajolla")
     if name in _HOMES:
         return getattr(import_module(f"lajolla.{_HOMES[name]}"), name)
     raise AttributeError(f"module 'lajolla' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_MODULES, *_HOMES})
+    return sorted({*globals(), *_MODULES, *_HOMES, "__version__"})

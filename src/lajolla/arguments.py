@@ -10,8 +10,55 @@ from typing import Any, NoReturn
 
 import lajolla
 
-STREAMS = {"/dev/stdout": "stdout", "/dev/stderr": "stderr"}
-EXTENSIONS = ".exr, .hdr, .pfm, .png, .jpg, .npy or .m"
+STREAMS = {"-": "stdout", "/dev/stdout": "stdout", "/dev/stderr": "stderr"}
+ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .m"
+
+GENERAL = """\
+examples:
+  lajolla render scene.xml                  writes scene.exr and scene.png
+  lajolla check scene.xml                   what is in it, and every warning
+  lajolla render --help                     the options of a command
+
+Errors end with exit code 1, interrupts with 130. Messages on a terminal are coloured, unless NO_COLOR is set;
+FORCE_COLOR colours them everywhere. In a checkout of the source code, './lajolla test [PYTEST OPTIONS]' runs
+the tests."""
+
+EXAMPLES = {
+    "render": """\
+examples:
+  lajolla render scene.xml --spp 64 --size 640x480 -o small.png
+  lajolla render scene.xml -o picture.exr -o picture.jpg --exposure 1
+  lajolla render scene.xml --pixel 10,20              the radiance of one pixel
+  lajolla render - -o - --format png < scene.xml > picture.png
+
+Ctrl-C stops and saves the samples that are there.""",
+    "check": """\
+examples:
+  lajolla check scene.xml
+  lajolla check --all folder                which scenes below a folder open
+  lajolla check scene.xml --json            for programs""",
+    "convert": """\
+examples:
+  lajolla convert old.xml new.xml           meshes and textures stay where they are
+  lajolla convert old.xml new.xml --pack    meshes are copied beside new.xml""",
+    "compare": """\
+examples:
+  lajolla compare noisy.exr reference.exr --diff difference.png
+  lajolla compare noisy.exr reference.exr --json
+
+Prints for red, green and blue: the ratio of the means, the root of the mean squared error (RMSE), and the
+relative MSE, which is the mean of (A - B)^2 / (B^2 + 0.01).""",
+    "list": """\
+examples:
+  lajolla list                              every plugin by its kind
+  lajolla list bsdf                         those of a kind
+  lajolla list bsdf roughconductor          parameters, ranges, defaults, units""",
+    "completion": """\
+examples:
+  lajolla completion bash > ~/.local/share/bash-completion/completions/lajolla
+  lajolla completion zsh > ~/.zfunc/_lajolla          a folder that $fpath has
+  lajolla completion fish > ~/.config/fish/completions/lajolla.fish""",
+}
 
 
 class UsageError(Exception):
@@ -41,11 +88,7 @@ class Version(argparse.Action):
     """Prints the version and the core's instruction set, and ends the program."""
 
     def __call__(self, parser: argparse.ArgumentParser, *rest: object) -> NoReturn:
-        from importlib.metadata import version  # takes as long as all else that --help needs
-
-        from lajolla import _core
-
-        print(f"lajolla {version('lajolla')} ({_core.isa})")
+        print(f"lajolla {lajolla.__version__} ({lajolla._core.isa})")
         parser.exit()
 
 
@@ -69,6 +112,11 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
         parser.error("--sample needs --pixel")
     if arguments.all_sensors and (arguments.sensor is not None or arguments.pixel is not None):
         parser.error("--all-sensors cannot be combined with --sensor or --pixel")
+    outputs = [str(path) for path in arguments.outputs or []]
+    if str(arguments.scene) == "-" and not outputs and arguments.pixel is None:
+        parser.error("a scene from standard input has no name for its picture: name it with -o")
+    if "-" in outputs and STREAMS.get(str(arguments.stats)) == "stdout":
+        parser.error("the picture and --stats cannot both go to standard output")
 
 
 def _refuse_command(word: str, commands: list[str]) -> NoReturn:
@@ -86,9 +134,10 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
     parser = Parser(
         prog="lajolla",
         description="A physically based renderer that opens Mitsuba scenes.",
-        epilog="In a checkout of the source code, './lajolla test [PYTEST OPTIONS]' runs the tests.",
+        epilog=GENERAL,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action=Version, nargs=0, help="show program's version number and exit")
+    parser.add_argument("-V", "--version", action=Version, nargs=0, help="show the version and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     adders: dict[str, tuple[str, Callable[[Parser], None]]] = {
         "render": ("render a scene", _add_render),
@@ -96,85 +145,120 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
         "convert": ("write a scene as a file for Mitsuba 3", _add_convert),
         "compare": ("measure how far one picture is from another", _add_compare),
         "list": ("show the plugins and their parameters", _add_list),
+        "completion": ("print what makes a shell complete our options", _add_completion),
     }
     parsers = {}
     for name, (help_text, add) in adders.items():
-        parsers[name] = commands.add_parser(name, help=help_text, description=help_text.capitalize() + ".")
+        parsers[name] = commands.add_parser(
+            name,
+            help=help_text,
+            description=help_text[0].upper() + help_text[1:] + ".",
+            epilog=EXAMPLES[name],
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
         add(parsers[name])
     return parser, parsers
 
 
-def _add_file(parser: Parser) -> None:
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="Mitsuba scene file (XML)")
+def _add_file(parser: Parser) -> argparse._ArgumentGroup:
+    """The scene, and the options of how it is read; returns their group."""
     parser.add_argument(
+        "scene",
+        type=Path,
+        metavar="SCENE",
+        help="Mitsuba scene file (XML); - reads standard input, with files relative to the working folder",
+    )
+    parser.set_defaults(standard_input=None)
+    group = parser.add_argument_group("scene")
+    group.add_argument(
         "-D",
         dest="parameters",
         type=_definition,
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="value of the scene's parameter $NAME",
+        help="value of the scene's parameter $NAME; repeatable",
     )
-    parser.add_argument("--strict", action="store_true", help="unknown plugins and properties are errors")
+    group.add_argument("--strict", action="store_true", help="unknown plugins and properties are errors")
+    return group
 
 
 def _add_scene(parser: Parser) -> None:
-    _add_file(parser)
-    parser.add_argument("--two-sided", action="store_true", help="opaque surfaces reflect on both sides")
-    parser.add_argument("--spp", type=_positive, metavar="N", help="samples per pixel")
-    parser.add_argument("--size", type=_size, metavar="WxH", help="size of the film; drops the scene's crop")
-    parser.add_argument("--crop", type=_crop, metavar="X,Y,W,H", help="render only this window of the film")
-    parser.add_argument("--seed", type=_natural, metavar="N", help="seed of the sampler")
-    parser.add_argument(
-        "--integrator", metavar="NAME", help="in place of the scene's (lajolla list integrator)"
-    )
-    parser.add_argument(
+    group = _add_file(parser)
+    group.add_argument("--two-sided", action="store_true", help="opaque surfaces reflect on both sides")
+    group.add_argument(
         "--sensor", metavar="N|ID", help="which of several sensors: its number, from 0, or its id"
     )
-    parser.add_argument(
-        "--max-depth", type=_depth, metavar="N", help="longest path in segments; -1: no limit"
+    group = parser.add_argument_group("picture")
+    group.add_argument("--size", type=_size, metavar="WxH", help="size of the film; drops the scene's crop")
+    group.add_argument("--crop", type=_crop, metavar="X,Y,W,H", help="render only this window of the film")
+    group.add_argument("--spp", type=_positive, metavar="N", help="samples per pixel")
+    group.add_argument("--seed", type=_natural, metavar="N", help="seed of the sampler")
+    group.add_argument(
+        "--sampler",
+        choices=("sobol", "independent"),
+        help="points to sample with; sobol, which has the least noise, whatever the scene names",
     )
+    group.add_argument(
+        "--integrator", metavar="NAME", help="in place of the scene's (lajolla list integrator)"
+    )
+    group.add_argument("--max-depth", type=_depth, metavar="N", help="longest path in segments; -1: no limit")
 
 
 def _add_render(parser: Parser) -> None:
     _add_scene(parser)
-    parser.add_argument(
+    parser.set_defaults(suffix="")
+    group = parser.add_argument_group("output")
+    group.add_argument(
         "-o",
         "--output",
         dest="outputs",
         type=Path,
         action="append",
         metavar="OUT",
-        help=f"picture to write, {EXTENSIONS}; repeatable (default: the scene's name with the endings that "
-        "its film asks for, as a rule .exr and .png)",
+        help=f"picture to write, {ENDINGS} and others; - is standard output; repeatable (default: the "
+        "scene's name with the endings that its film asks for, as a rule .exr and .png)",
     )
-    parser.add_argument(
+    group.add_argument(
+        "--format",
+        metavar="NAME",
+        help="exr, png, ...: of outputs whose name does not tell",
+    )
+    group.add_argument(
         "--all-sensors",
         action="store_true",
         help="a picture for each sensor; files have its id or number after their name",
     )
-    parser.set_defaults(suffix="")
-    parser.add_argument("--half", action="store_true", help="16-bit instead of 32-bit EXR")
-    parser.add_argument(
-        "--exposure", type=_finite, default=0.0, metavar="STOPS", help="brightens PNG and JPEG by 2^STOPS"
+    group.add_argument("--half", action="store_true", help="16-bit instead of 32-bit EXR")
+    group.add_argument(
+        "--exposure",
+        type=_finite,
+        default=0.0,
+        metavar="STOPS",
+        help="brightens PNG, JPEG and the like by 2^STOPS",
     )
-    parser.add_argument(
+    group.add_argument(
         "--tonemap",
         choices=("gamma", "reinhard"),
         help="in place of the film's: exposure alone, or all of the range (Reinhard et al. 2002)",
     )
-    parser.add_argument("--threads", type=_positive, metavar="N", help="number of threads (default: all)")
-    parser.add_argument("--quiet", action="store_true", help="print warnings and errors only")
-    parser.add_argument("--stats", type=Path, metavar="FILE", help="write times and counts as JSON")
-    parser.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
-    parser.add_argument("--sample", type=_natural, metavar="N", help="with --pixel: of this sample alone")
+    group = parser.add_argument_group("run")
+    group.add_argument("--threads", type=_positive, metavar="N", help="number of threads (default: all)")
+    group.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    group.add_argument(
+        "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
+    )
+    group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
+    group.add_argument("--sample", type=_natural, metavar="N", help="with --pixel: of this sample alone")
 
 
 def _add_check(parser: Parser) -> None:
     _add_scene(parser)
-    parser.add_argument(
+    group = parser.add_argument_group("report")
+    group.add_argument(
         "--all", action="store_true", help="SCENE is a folder: open every scene below it and print a table"
     )
+    group.add_argument("--json", action="store_true", help="print JSON (docs/json.md)")
 
 
 def _add_convert(parser: Parser) -> None:
@@ -193,11 +277,16 @@ def _add_compare(parser: Parser) -> None:
     parser.add_argument(
         "--diff", type=Path, metavar="OUT", help="write a picture: red where A is brighter, blue where darker"
     )
+    parser.add_argument("--json", action="store_true", help="print JSON (docs/json.md)")
 
 
 def _add_list(parser: Parser) -> None:
     parser.add_argument("kind", nargs="?", metavar="KIND", help="bsdf, emitter, shape, ...")
     parser.add_argument("name", nargs="?", metavar="NAME", help="plugin whose parameters to show")
+
+
+def _add_completion(parser: Parser) -> None:
+    parser.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh"), help="the shell to write for")
 
 
 def _numbers(text: str, separator: str, form: str, *, lowest: Sequence[int]) -> tuple[int, ...]:
@@ -266,13 +355,17 @@ def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list
 
 def _refuse_devices(arguments: argparse.Namespace, count: int) -> None:
     """They have room for one picture, and pipes for one file of any kind."""
-    found = [path for path in arguments.outputs or [] if lajolla.whole_files.is_device(path)]
+    found = [
+        path
+        for path in arguments.outputs or []
+        if str(path) in STREAMS or lajolla.whole_files.is_device(path)
+    ]
     stats = arguments.stats
     if stats is not None and str(stats) not in STREAMS and stats.is_fifo():
         found.append(stats)
     if found:
-        what = f"{found[0]} is a pipe or a device"
-        raise UsageError(f"{what}; --all-sensors writes a file for each of {count} sensors")
+        what = "standard output" if str(found[0]) == "-" else str(found[0])
+        raise UsageError(f"{what} takes one file; --all-sensors writes a file for each of {count} sensors")
 
 
 def _for_sensor(arguments: argparse.Namespace, number: int | None, suffix: str) -> argparse.Namespace:
@@ -297,7 +390,7 @@ def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -
         words += ["--size", "x".join(map(str, arguments.size))]
     if arguments.crop:
         words += ["--crop", ",".join(map(str, arguments.crop))]
-    for flag in ("seed", "integrator", "max_depth", "sensor"):
+    for flag in ("seed", "sampler", "integrator", "max_depth", "sensor"):
         if getattr(arguments, flag) is not None:
             words += ["--" + flag.replace("_", "-"), str(getattr(arguments, flag))]
     if arguments.two_sided:

@@ -1,4 +1,4 @@
-"""The command line: `lajolla render`, `check`, `convert`, `compare` and `list`.
+"""The command line: `lajolla render`, `check`, `convert`, `compare`, `list` and `completion`.
 
 Results go to standard output, everything else to standard error. Every error of the user's is one message and
 exit code 1; an interrupted command ends with 128 + the signal's number, as in a shell.
@@ -7,21 +7,19 @@ exit code 1; an interrupted command ends with 128 + the signal's number, as in a
 from __future__ import annotations
 
 import argparse
-import json
+import io
 import os
-import resource
 import sys
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
+from typing import BinaryIO
 
 import lajolla  # its modules are loaded when they are first used, which no --help does
-from lajolla.arguments import STREAMS, UsageError, for_each_sensor, parse, replay_command
-from lajolla.display import discard, progress_display, rate, safe_messages, say, size_in_memory
+from lajolla.arguments import UsageError, for_each_sensor, parse, replay_command
+from lajolla.display import coloured, discard, progress_display, rate, safe_messages, say, tell
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
 
@@ -71,27 +69,41 @@ def _run_command(arguments: argparse.Namespace) -> int:
         sys.stdout.flush()
         return code
     except lajolla.SceneError as error:
-        print(error, file=sys.stderr)
+        tell(error)
     except refusals as error:
         say(f"error: {error}")
     return 1
 
 
 def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Scene:
-    """Opens the scene of a command line, or another one with its options."""
-    return lajolla.load(
-        path or arguments.scene,
-        parameters=dict(arguments.parameters),
-        strict=arguments.strict,
-        two_sided=arguments.two_sided,
-        spp=arguments.spp,
-        size=arguments.size,
-        crop=arguments.crop,
-        seed=arguments.seed,
-        integrator=arguments.integrator,
-        max_depth=arguments.max_depth,
-        sensor=arguments.sensor,
-    )
+    """Opens the scene of a command line, or another one with its options; tells no warnings."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", lajolla.LajollaWarning)
+        return lajolla.load(
+            path or _scene(arguments),
+            parameters=dict(arguments.parameters),
+            strict=arguments.strict,
+            two_sided=arguments.two_sided,
+            spp=arguments.spp,
+            size=arguments.size,
+            crop=arguments.crop,
+            seed=arguments.seed,
+            sampler=arguments.sampler,
+            integrator=arguments.integrator,
+            max_depth=arguments.max_depth,
+            sensor=arguments.sensor,
+        )
+
+
+def _scene(arguments: argparse.Namespace) -> Path | BinaryIO:
+    """The scene's file, or what standard input has told, which can be read once only."""
+    if str(arguments.scene) != "-":
+        return arguments.scene
+    if arguments.standard_input is None:
+        arguments.standard_input = sys.stdin.buffer.read()
+    stream = io.BytesIO(arguments.standard_input)
+    stream.name = "<stdin>"  # for messages
+    return stream
 
 
 # --- render -------------------------------------------------------------------------------------------------
@@ -100,24 +112,21 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
 def command_render(arguments: argparse.Namespace) -> int:
     if arguments.all_sensors:
         return _render_each_sensor(arguments)
-    outputs = list(dict.fromkeys(arguments.outputs or []))
     if arguments.pixel is None:
-        _check_outputs(arguments)
+        lajolla.outputs.check(arguments)
     scene = load(arguments)
     for warning in scene.warnings:
-        print(warning, file=sys.stderr)
+        tell(warning)
     if arguments.pixel is not None:
         print(*scene.radiance(*arguments.pixel, arguments.sample))
         return 0
-    outputs = outputs or [
-        Path(arguments.scene.stem + arguments.suffix + ending) for ending in scene.film.endings
-    ]
+    outputs = lajolla.outputs.outputs_of(arguments, scene.film)
     for output in outputs:
-        lajolla.image.check_output(output)
-        lajolla.image.check_space(output, scene.width, scene.height, 3 + len(scene.core.channels))
-    holding = lajolla.image.HOLD_CHANNELS
-    if scene.core.channels and not any(output.suffix.lower() in holding for output in outputs):
-        say(f"warning: only {' and '.join(holding)} files hold all channels of this scene")
+        output.check()
+        output.check_space(scene)
+    if scene.core.channels and not any(output.holds_channels for output in outputs):
+        holding = " and ".join(lajolla.picture_formats.HOLD_CHANNELS)
+        say(f"warning: only {holding} files hold all channels of this scene")
     rendering = scene.rendering(threads=arguments.threads)
     patience = Patience("the picture")
     with handled_by(patience):
@@ -131,40 +140,35 @@ def command_render(arguments: argparse.Namespace) -> int:
         patience.save(_save, outputs, scene, rendering, arguments)
         names = ", ".join(str(output) for output in outputs)
         if patience.interrupt is not None:
-            say(f"interrupted; wrote {names} with {rendering.samples} of {rendering.spp} samples per pixel")
+            lost = f"; {rendering.lost} more, of the running pass, are lost" if rendering.lost else ""
+            done = f"{rendering.samples} of {rendering.spp} samples per pixel"
+            say(f"interrupted; wrote {names} with {done}{lost}")
             return patience.interrupt.exit_code
         if not arguments.quiet:
             say(f"wrote {names} ({_summary(scene, rendering)})")
     return 0
 
 
-def _check_outputs(arguments: argparse.Namespace) -> None:
-    """What would fail after hours of rendering fails now."""
-    for output in arguments.outputs or []:
-        lajolla.image.check_output(output)
-    if arguments.stats is not None and str(arguments.stats) not in STREAMS:
-        lajolla.whole_files.check_folder(arguments.stats)
-
-
 def _save(
-    outputs: Sequence[Path],
+    outputs: Sequence[lajolla.outputs.Output],
     scene: lajolla.Scene,
     rendering: lajolla.Rendering,
     arguments: argparse.Namespace,
 ) -> None:
     """Writes all that a render was asked for."""
-    _write_outputs(outputs, rendering.image(), arguments)
+    lajolla.outputs.write_pictures(outputs, rendering.image(), arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
-        _write_stats(arguments.stats, statistics(scene, rendering))
+        stats = lajolla.outputs.statistics(scene, rendering)
+        lajolla.outputs.write_statistics(arguments.stats, stats)
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
     """Renders what can be rendered, until an interrupt; an error names its sensor."""
-    names = lajolla.scene.sensor_names(arguments.scene, parameters=dict(arguments.parameters))
+    names = lajolla.scene.sensor_names(_scene(arguments), parameters=dict(arguments.parameters))
     commands = for_each_sensor(arguments, names)
     for command in commands:
-        _check_outputs(command)
+        lajolla.outputs.check(command)
     if len(commands) == 1:
         return command_render(commands[0])
     result = 0
@@ -179,26 +183,8 @@ def _render_each_sensor(arguments: argparse.Namespace) -> int:
     return result
 
 
-def _write_outputs(outputs: Sequence[Path], picture: lajolla.Image, arguments: argparse.Namespace) -> None:
-    """Writes all that can be written, then raises the first error."""
-    errors = []
-    if arguments.tonemap is not None:
-        picture.film = replace(picture.film, tonemap_method=arguments.tonemap)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", lajolla.ImageWarning)
-        for output in outputs:
-            try:
-                picture.save(output, exposure=arguments.exposure, half=arguments.half)
-            except lajolla.ImageError as error:
-                errors.append(error)
-    for warning in caught:
-        say(f"warning: {warning.message}")
-    if errors:
-        raise errors[0]
-
-
 def _summary(scene: lajolla.Scene, rendering: lajolla.Rendering) -> str:
-    stats = statistics(scene, rendering)
+    stats = lajolla.outputs.statistics(scene, rendering)
     return (
         f"{rendering.samples} samples per pixel in {rendering.seconds:.1f} s, "
         f"{rate(stats['samples_per_second'], 'samples')}, {rate(stats['rays_per_second'], 'rays')}"
@@ -214,37 +200,6 @@ def _report_nonfinite(rendering: lajolla.Rendering, arguments: argparse.Namespac
     say(f"the first is sample {sample} of pixel {x},{y}: {replay_command(arguments, x, y, sample)}")
 
 
-def statistics(scene: lajolla.Scene, rendering: lajolla.Rendering) -> dict[str, Any]:
-    """What --stats writes; `samples` counts camera paths, in all pixels together."""
-    samples = rendering.samples * scene.width * scene.height
-    seconds = max(rendering.seconds, 1e-9)
-    unit = 1 if sys.platform == "darwin" else 1024  # of ru_maxrss
-    return {
-        "width": scene.width,
-        "height": scene.height,
-        "samples_per_pixel": rendering.samples,
-        "threads": rendering.threads,
-        "load_seconds": scene.load_seconds,
-        "build_seconds": scene.build_seconds,
-        "render_seconds": rendering.seconds,
-        "samples": samples,
-        "samples_per_second": samples / seconds,
-        "rays_per_second": rendering.accumulator.rays / seconds,
-        "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit,
-        "nonfinite_samples": rendering.accumulator.nonfinite,
-    }
-
-
-def _write_stats(path: Path, stats: dict[str, Any]) -> None:
-    text = json.dumps(stats, indent=2) + "\n"
-    if str(path) in STREAMS:  # opening these anew would cut off a file that they lead to
-        stream: TextIO = getattr(sys, STREAMS[str(path)])
-        stream.write(text)
-    else:
-        with lajolla.whole_files.replacing(path) as temporary:
-            temporary.write_text(text)
-
-
 # --- convert, check, compare, list --------------------------------------------------------------------------
 
 
@@ -255,10 +210,10 @@ def command_convert(arguments: argparse.Namespace) -> int:
     lajolla.whole_files.check_folder(target)
     parameters = dict(arguments.parameters)
     result = lajolla.scene.convert(
-        arguments.scene, target, parameters=parameters, strict=arguments.strict, pack=arguments.pack
+        _scene(arguments), target, parameters=parameters, strict=arguments.strict, pack=arguments.pack
     )
     for warning in result.warnings:
-        print(warning, file=sys.stderr)
+        tell(warning)
     patience = Patience("the scene")
     with handled_by(patience):
         patience.save(_write_export, target, result)
@@ -292,17 +247,22 @@ def _write_export(target: Path, result: lajolla.scene.Export) -> None:
 def command_check(arguments: argparse.Namespace) -> int:
     if arguments.all:
         return _check_all(arguments)
-    scene = load(arguments)
-    summary = dict(scene.core.summary())
-    facts = {"picture": f"{scene.width} x {scene.height}, {scene.core.sample_count} samples per pixel"}
-    if "bytes" in summary:
-        facts["memory"] = size_in_memory(summary.pop("bytes"))
-    facts = {**{name: f"{value:,}" for name, value in summary.items()}, **facts}
-    width = max(len(name) for name in facts)
-    for name, value in facts.items():
+    try:
+        scene = load(arguments)
+    except (lajolla.SceneError, lajolla.OptionError) as problem:
+        if arguments.json:
+            print(lajolla.report.as_text(lajolla.report.refused(arguments.scene, problem)))
+        raise
+    facts = lajolla.report.scene_facts(arguments.scene, scene)
+    if arguments.json:
+        print(lajolla.report.as_text(facts))
+        return 0
+    lines = dict(lajolla.report.scene_lines(facts))
+    width = max(len(name) for name in ("warnings", *lines))
+    for name, value in lines.items():
         print(f"{name:{width}}  {value}")
     for warning in scene.warnings:
-        print(warning)
+        print(coloured(str(warning), sys.stdout))
     print(f"{'warnings':{width}}  {len(scene.warnings)}")
     return 0
 
@@ -311,27 +271,28 @@ def _check_all(arguments: argparse.Namespace) -> int:
     if not arguments.scene.is_dir():
         raise UsageError(f"{arguments.scene} is no folder; --all opens every scene below a folder")
     findings = lajolla.survey.survey(arguments.scene, lambda path: load(arguments, path))
-    for line in lajolla.survey.table(arguments.scene, findings):
-        print(line)
+    if arguments.json:
+        print(lajolla.report.as_text(lajolla.report.folder_facts(arguments.scene, findings)))
+    else:
+        for line in lajolla.survey.table(arguments.scene, findings):
+            print(line)
     return 1 if any(finding.error for finding in findings) else 0
 
 
 def command_compare(arguments: argparse.Namespace) -> int:
     if arguments.diff is not None:
         lajolla.image.check_output(arguments.diff)
-        if arguments.diff.suffix.lower() not in lajolla.image.LOW_RANGE:
-            raise lajolla.ImageError(f"{arguments.diff}: the difference picture is a PNG or JPEG")
+        if arguments.diff.suffix.lower() not in lajolla.picture_formats.LOW_RANGE:
+            raise lajolla.ImageError(f"{arguments.diff}: the difference picture is a PNG, JPEG or the like")
     a, b = lajolla.image.read(arguments.a), lajolla.image.read(arguments.b)
-    result = lajolla.comparison.compare(a, b)
-    print(f"{'':12}  {'red':>12}  {'green':>12}  {'blue':>12}")
-    for name, values in (
-        ("mean ratio", result.mean_ratio),
-        ("RMSE", result.rmse),
-        ("relative MSE", result.relative_mse),
-    ):
-        print(f"{name:12}  " + "  ".join(f"{value:12.6g}" for value in values))
-    if result.excluded:
-        say(f"warning: {result.excluded} pixels are not finite and were excluded")
+    facts = lajolla.report.comparison_facts(arguments.a, arguments.b, lajolla.comparison.compare(a, b))
+    if arguments.json:
+        print(lajolla.report.as_text(facts))
+    else:
+        for line in lajolla.report.comparison_lines(facts):
+            print(line)
+    if facts["excluded_pixels"]:
+        say(f"warning: {facts['excluded_pixels']} pixels are not finite and were excluded")
     if arguments.diff is not None:
         lajolla.image.write_encoded(arguments.diff, lajolla.comparison.difference_picture(a, b))
     return 0
@@ -343,10 +304,16 @@ def command_list(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def command_completion(arguments: argparse.Namespace) -> int:
+    print(lajolla.completion.script(arguments.shell))
+    return 0
+
+
 COMMANDS = {
     "render": command_render,
     "check": command_check,
     "convert": command_convert,
     "compare": command_compare,
     "list": command_list,
+    "completion": command_completion,
 }

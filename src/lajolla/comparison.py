@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lajolla.messages import names_checked
 from lajolla.picture_files import ImageError
 
 
@@ -18,6 +19,7 @@ class Comparison:
     excluded: int  # pixels that are not finite in one of the pictures
 
 
+@names_checked
 def compare(a: ArrayLike, b: ArrayLike, *, epsilon: float = 1e-2) -> Comparison:
     """Compares A with the reference B, both linear RGB of one shape (height, width, 3).
 
@@ -39,6 +41,7 @@ def compare(a: ArrayLike, b: ArrayLike, *, epsilon: float = 1e-2) -> Comparison:
     )
 
 
+@names_checked
 def difference_picture(a: ArrayLike, b: ArrayLike, *, epsilon: float = 1e-2) -> NDArray[np.uint8]:
     """8-bit RGB of the relative difference: red where A is brighter than B, blue where darker.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, suppress
@@ -74,7 +75,35 @@ def safe_messages() -> Iterator[None]:
 
 def say(message: str) -> None:
     """A line of the program's own, on standard error."""
-    print(f"lajolla: {message}", file=sys.stderr, flush=True)
+    tell(f"lajolla: {message}")
+
+
+def tell(message: object) -> None:
+    """A message on standard error, such as a SceneError with its place and the line under it."""
+    print(coloured(str(message), sys.stderr), file=sys.stderr, flush=True)
+
+
+# The severity is a word after the place or the program's name; the caret stands on the last line.
+SEVERITY = re.compile(r"(?:^|(?<=: ))(error|warning): ")
+CARET = re.compile(r"\^$")
+COLOURS = {"error": "1;31", "warning": "1;33"}  # red and yellow, both bold
+
+
+def coloured(message: str, stream: TextIO) -> str:
+    """A message with its severity and its caret in colour, where the stream shows colours."""
+    found = SEVERITY.search(message) if shows_colours(stream) else None
+    if found is None:
+        return message
+    start, end = f"\x1b[{COLOURS[found[1]]}m", "\x1b[0m"
+    message = message[: found.start(1)] + start + found[1] + end + message[found.end(1) :]
+    return CARET.sub(f"{start}^{end}", message) if "\n" in message else message
+
+
+def shows_colours(stream: TextIO) -> bool:
+    """Whether a stream is a terminal with colours; the environment can tell otherwise, NO_COLOR first."""
+    if os.environ.get("NO_COLOR"):
+        return False
+    return bool(os.environ.get("FORCE_COLOR")) or (stream.isatty() and os.environ.get("TERM") != "dumb")
 
 
 def rate(per_second: float, unit: str) -> str:

@@ -1,19 +1,22 @@
 """Pictures in and out: float32 arrays of linear RGB, files by way of OpenImageIO."""
 
+from __future__ import annotations
+
+import io
 import os
 import shutil
 import tempfile
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lajolla.colour import FloatImage, decode_srgb, encode_srgb, xyz_to_rgb
 from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, Film, matrix_text
+from lajolla.messages import names_checked, warn
 from lajolla.picture_files import (
     ImageError,
     ImageWarning,
@@ -23,14 +26,11 @@ from lajolla.picture_files import (
     plain_name,
     reason,
 )
-from lajolla.whole_files import check_folder, is_device, replacing, target_of
+from lajolla.picture_formats import DEEP, HOLD_CHANNELS, JPEG, LOW_RANGE, check_offered, ending_of
+from lajolla.whole_files import Target, check_folder, is_device, name_of, target_of, written_to
 
-HIGH_RANGE = (".exr", ".hdr", ".pfm")
-MATRIX = (".npy", ".m")
-JPEG = (".jpg", ".jpeg")
-LOW_RANGE = (".png", *JPEG)
-ENDINGS = (*HIGH_RANGE, *LOW_RANGE, *MATRIX)
-HOLD_CHANNELS = (".exr", ".npy")  # what can hold more than a picture
+Source: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
+
 DEFAULT_FILM = Film()
 NO_CHANNELS: Mapping[str, FloatImage] = MappingProxyType({})
 MAX_EXPOSURE = 100.0  # stops
@@ -46,6 +46,7 @@ class Image:
     tells how the picture is written.
     """
 
+    @names_checked
     def __init__(
         self,
         array: ArrayLike,
@@ -61,9 +62,43 @@ class Image:
                 raise ImageError(f"channel {name!r} has shape {values.shape}, not {self.array.shape[:2]}")
         self.film = film
 
-    def save(self, path: str | os.PathLike[str], *, exposure: float = 0.0, half: bool = False) -> None:
-        """Writes the picture; see `write`."""
-        write(Path(path), self.array, exposure=exposure, half=half, channels=self.channels, film=self.film)
+    @staticmethod
+    @names_checked
+    def open(source: Source) -> Image:
+        """Reads a picture of any format that OpenImageIO knows.
+
+        Colours become linear as in `read`. What else is in the file becomes `channels`. A picture with alpha
+        is saved with it again.
+
+        Args:
+            source: the path of a file, the bytes of one, or a binary file object.
+
+        Raises:
+            ImageError: it is no picture, or cannot be read.
+        """
+        array, channels = _read(source)
+        film = Film(pixel_format="rgba") if "A" in channels else DEFAULT_FILM
+        return Image(array, channels, film)
+
+    @names_checked
+    def save(
+        self,
+        target: str | os.PathLike[str] | BinaryIO,
+        *,
+        format: str | None = None,
+        exposure: float = 0.0,
+        half: bool = False,
+    ) -> None:
+        """Writes the picture to a file, or to a binary stream whose `format` is named; see `write`."""
+        write(
+            target,
+            self.array,
+            format=format,
+            exposure=exposure,
+            half=half,
+            channels=self.channels,
+            film=self.film,
+        )
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:  # noqa: ANN401
         return np.array(self.array, dtype=dtype) if copy else np.asarray(self.array, dtype=dtype)
@@ -72,12 +107,12 @@ class Image:
         return f"<lajolla.Image, {self.array.shape[1]} x {self.array.shape[0]} pixels>"
 
     def _repr_png_(self) -> bytes:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "picture.png"
-            self.save(path)
-            return path.read_bytes()
+        stream = io.BytesIO()
+        self.save(stream, format="png")
+        return stream.getvalue()
 
 
+@names_checked
 def tone_map(linear: ArrayLike, exposure: float = 0.0, film: Film = DEFAULT_FILM) -> NDArray[np.uint8]:
     """Linear RGB as the film maps it, times 2^exposure, as 8-bit sRGB, or with the film's gamma.
 
@@ -100,43 +135,91 @@ def _encoded(linear: FloatImage, film: Film) -> FloatImage:
     return np.clip(linear, 0, 1) ** np.float32(1 / film.gamma)
 
 
-def _low_range(
-    path: Path, linear: FloatImage, exposure: float, channels: Mapping[str, FloatImage], film: Film
-) -> NDArray[np.uint8]:
-    """The 8-bit picture in the film's pixel format, as far as the file can hold it; alpha stays linear."""
-    names = film.names if path.suffix.lower() == ".png" else tuple(name for name in film.names if name != "A")
-    kept = "".join(names).replace("XYZ", "RGB")
-    pixel_format = next(name for name, letters in PIXEL_FORMATS.items() if letters == kept)
+def _write_low_range(
+    target: Target,
+    ending: str,
+    linear: FloatImage,
+    exposure: float,
+    channels: Mapping[str, FloatImage],
+    film: Film,
+) -> None:
+    """Writes the film's pixel format, as far as the file can hold it; alpha stays linear."""
+    names, pixel_format = _held(ending, film)
     pixels = film.develop(_display(linear, exposure, film), channels, pixel_format)
-    colours = len(names) - ("A" in names)
-    pixels = np.concatenate(
-        [_encoded(pixels[..., :colours], film), np.clip(pixels[..., colours:], 0, 1)], axis=2
+    split = pixels.shape[2] - ("A" in names)
+    colours, alpha = _encoded(pixels[..., :split], film), np.clip(pixels[..., split:], 0, 1)
+    repeats = 3 if split == 1 and "Y" not in names else 1
+    whole = np.uint16 if ending in DEEP else np.uint8
+    encoded = np.concatenate([colours.repeat(repeats, axis=2), alpha], axis=2)
+    write_encoded(
+        target, np.rint(np.iinfo(whole).max * encoded).astype(whole), ending=ending, names=tuple(names)
     )
-    return np.rint(255 * pixels).astype(np.uint8)
 
 
-def read(path: str | os.PathLike[str]) -> FloatImage:
+def _held(ending: str, film: Film) -> tuple[str, str]:
+    """The channels of a file that are nearest to the film's, and the pixel format to fill them with.
+
+    Alpha is given up before grey is stored as three equal channels.
+    """
+    wanted = "".join(film.names).replace("XYZ", "RGB")
+    for kept in (wanted, wanted.replace("A", "")):
+        for names in (kept, kept.replace("Y", "RGB")):
+            if len(names) in LOW_RANGE[ending]:
+                return names, next(name for name, letters in PIXEL_FORMATS.items() if letters == kept)
+    raise AssertionError(f"{ending} files hold neither grey nor colours")
+
+
+@names_checked
+def read(source: Source) -> FloatImage:
     """Reads a picture as linear RGB, float32 of shape (height, width, 3).
 
     Files of integers (PNG, JPEG) are taken as sRGB; grey becomes three equal channels, XYZ becomes RGB, alpha
-    and other channels are dropped. Raises ImageError.
+    and other channels are dropped.
+
+    Args:
+        source: the path of a file, the bytes of one, or a binary file object.
+
+    Raises:
+        ImageError: it is no picture, or cannot be read.
     """
-    path = Path(path)
+    return _read(source)[0]
+
+
+def _read(source: Source) -> tuple[FloatImage, dict[str, FloatImage]]:
+    """Linear RGB, and the other channels by their names."""
+    if isinstance(source, str | os.PathLike):
+        return _read_file(Path(source), str(source))
+    data = source if isinstance(source, bytes | bytearray | memoryview) else source.read()
+    if isinstance(data, str):
+        raise ImageError('a picture is read from bytes: open its file with mode "rb"')
+    with tempfile.TemporaryDirectory() as folder:  # the Python module of OpenImageIO reads files only
+        path = Path(folder, "picture")
+        path.write_bytes(data)
+        name = getattr(source, "name", None)
+        return _read_file(path, name if isinstance(name, str) else "picture")
+
+
+def _read_file(path: Path, name: str) -> tuple[FloatImage, dict[str, FloatImage]]:
     if not path.is_file():
-        raise ImageError(f"{path}: {'not a file' if path.exists() else 'no such file'}")
+        raise ImageError(f"{name}: {'not a file' if path.exists() else 'no such file'}")
     try:
-        with opened(path) as source:
-            spec = source.spec()
+        with opened(path) as file:
+            spec = file.spec()
             whole = str(spec.format) == "uint"  # EXR files of whole numbers, which mean themselves
-            pixels = source.read_image("uint" if whole else "float")
-            problem = reason(source, "")
+            pixels = file.read_image("uint" if whole else "float")
+            problem = reason(file, "")
     except PictureError as error:
-        raise ImageError(f"{path}: cannot be read as a picture: {error}") from None
+        raise ImageError(f"{name}: cannot be read as a picture: {error}") from None
     if pixels is None or problem:
-        raise ImageError(f"{path}: cannot be read: {problem or 'unknown reason'}")
-    rgb = _rgb(pixels.astype(np.float32, copy=False), channel_names(spec))
+        raise ImageError(f"{name}: cannot be read: {problem or 'unknown reason'}")
+    pixels, names = pixels.astype(np.float32, copy=False), channel_names(spec)
+    rgb = _rgb(pixels, names)
+    others = {name: pixels[..., i] for i, name in enumerate(names) if name not in COLOURS}
     linear = whole or str(spec.format) in ("half", "float", "double")
-    return np.ascontiguousarray(rgb if linear else decode_srgb(rgb))
+    return np.ascontiguousarray(rgb if linear else decode_srgb(rgb)), others
+
+
+COLOURS = ("R", "G", "B", "X", "Y", "Z")
 
 
 def _rgb(pixels: FloatImage, names: list[str]) -> FloatImage:
@@ -149,78 +232,89 @@ def _rgb(pixels: FloatImage, names: list[str]) -> FloatImage:
     return pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
 
 
-def check_output(path: str | os.PathLike[str]) -> None:
+@names_checked
+def check_output(target: str | os.PathLike[str] | BinaryIO, format: str | None = None) -> None:
     """Raises ImageError when no picture can be written: unknown format, no such folder, no permission."""
-    path = Path(path)
-    if path.suffix.lower() not in ENDINGS:
-        known = ", ".join(ENDINGS)
-        raise ImageError(f"{path}: the format follows from the file's ending, which is one of {known}")
-    if path.suffix.lower() not in MATRIX:
-        import OpenImageIO  # noqa: F401 # as in `read`; what would fail after rendering fails now
-    check_folder(path)
+    path = _as_target(target)
+    check_offered(ending_of(path if isinstance(path, Path) else None, format))
+    if isinstance(path, Path):
+        check_folder(path)
 
 
-def check_space(path: Path, width: int, height: int, channels: int = 3) -> None:
+def _as_target(target: str | os.PathLike[str] | BinaryIO) -> Target:
+    return Path(target) if isinstance(target, str | os.PathLike) else target
+
+
+def check_space(path: Path, width: int, height: int, channels: int = 3, format: str | None = None) -> None:
     """Raises ImageError when the disk may be too full for a picture, which compression could make smaller."""
-    ending = path.suffix.lower()
-    channel = 1 if ending in LOW_RANGE else 4  # bytes
+    ending = ending_of(path, format)
+    channel = 4 if ending not in LOW_RANGE else 2 if ending in DEEP else 1  # bytes
     needed = (channels if ending in HOLD_CHANNELS else 3) * width * height * channel + 65536
     folder = tempfile.gettempdir() if is_device(path) else target_of(path).parent
     if shutil.disk_usage(folder).free < needed:
         raise ImageError(f"{path}: no space left on the disk; the picture may need {needed / 2**20:.1f} MiB")
 
 
+@names_checked
 def write(
-    path: Path,
+    target: str | os.PathLike[str] | BinaryIO,
     array: ArrayLike,
     *,
+    format: str | None = None,
     exposure: float = 0.0,
     half: bool = False,
     channels: Mapping[str, FloatImage] = NO_CHANNELS,
     film: Film = DEFAULT_FILM,
 ) -> None:
-    """Writes linear RGB of shape (height, width, 3) in the format of the file's ending.
+    """Writes linear RGB of shape (height, width, 3) to a file or a binary stream.
 
-    EXR, HDR and PFM hold the values themselves, EXR in the film's numbers, or 16-bit ones with `half`. PNG
-    and JPEG hold them as the film maps them to 8 bits, times 2^exposure. NPY and M files are matrices for
-    NumPy, Matlab and Mathematica. EXR and NPY hold the `channels` too, behind the film's own. The file
-    appears complete or not at all. Raises ImageError; what the format cannot hold is clamped, with an
-    ImageWarning.
+    EXR, HDR and PFM hold the values themselves, EXR in the film's numbers, or 16-bit ones with `half`. PNG,
+    JPEG, WebP and others for displays hold them as the film maps them, times 2^exposure, to 8 bits, TIFF to
+    16. NPY and M files are matrices for NumPy, Matlab and Mathematica. EXR and NPY hold the `channels` too,
+    behind the film's own. A file appears complete or not at all.
+
+    Args:
+        format: "exr", "png", ..., where it does not follow from the ending of a file's name.
+
+    Raises:
+        ImageError: it cannot be written. What the format cannot hold is clamped, with an ImageWarning.
     """
-    check_output(path)
-    linear = np.asarray(array, np.float32)
-    ending = path.suffix.lower()
+    check_output(target, format)
+    target, linear = _as_target(target), np.asarray(array, np.float32)
+    ending = ending_of(target if isinstance(target, Path) else None, format)
     if ending in LOW_RANGE:
-        write_encoded(path, _low_range(path, linear, exposure, channels, film))
+        _write_low_range(target, ending, linear, exposure, channels, film)
     elif ending == ".hdr":
-        write_encoded(path, _clamped(path, linear, 0.0, MAX_RGBE), pixel_type="float")
+        write_encoded(target, _clamped(target, linear, 0.0, MAX_RGBE), ending=ending)
     elif ending == ".pfm":
         grey = film.develop(linear, channels) if film.names == ("Y",) else linear
-        write_encoded(path, grey, pixel_type="float")
+        write_encoded(target, grey, ending=ending)
     elif ending == ".exr":
-        _write_exr(path, linear, half, channels, film)
+        _write_exr(target, linear, half, channels, film)
     else:
-        _write_matrix(path, linear, channels, film)
+        _write_matrix(target, ending, linear, channels, film)
 
 
 def _write_exr(
-    path: Path, linear: FloatImage, half: bool, channels: Mapping[str, FloatImage], film: Film
+    target: Target, linear: FloatImage, half: bool, channels: Mapping[str, FloatImage], film: Film
 ) -> None:
     others = {name: values for name, values in channels.items() if name != "A"}
-    pixels = np.dstack([film.develop(linear, channels), *others.values()])
+    pixels: NDArray[Any] = np.dstack([film.develop(linear, channels), *others.values()])
     pixel_type = "half" if half else COMPONENT_FORMATS[film.component_format]
     if pixel_type == "half":
-        pixels = _clamped(path, pixels, -MAX_HALF, MAX_HALF)
+        pixels = _clamped(target, pixels, -MAX_HALF, MAX_HALF).astype(np.float16)
     elif pixel_type == "uint":
-        pixels = np.rint(_clamped(path, np.nan_to_num(pixels), 0.0, MAX_UINT)).astype(np.uint32)
-    write_encoded(path, pixels, pixel_type=pixel_type, names=(*film.names, *others))
+        pixels = np.rint(_clamped(target, np.nan_to_num(pixels), 0.0, MAX_UINT)).astype(np.uint32)
+    write_encoded(target, pixels, ending=".exr", names=(*film.names, *others))
 
 
-def _write_matrix(path: Path, linear: FloatImage, channels: Mapping[str, FloatImage], film: Film) -> None:
+def _write_matrix(
+    target: Target, ending: str, linear: FloatImage, channels: Mapping[str, FloatImage], film: Film
+) -> None:
     """NumPy: (height, width), or (height, width, channels); texts hold the picture alone."""
     pixels = film.develop(linear, channels)
-    with replacing(path) as temporary:
-        if path.suffix.lower() == ".m":
+    with written_to(target, ending) as temporary:
+        if ending == ".m":
             temporary.write_text(matrix_text(pixels, film))
             return
         others = [values for name, values in channels.items() if name != "A"]
@@ -228,41 +322,53 @@ def _write_matrix(path: Path, linear: FloatImage, channels: Mapping[str, FloatIm
         np.save(temporary, everything[..., 0] if everything.shape[2] == 1 else everything)
 
 
-def _clamped(path: Path, linear: FloatImage, low: float, high: float) -> FloatImage:
+def _clamped(target: Target, linear: FloatImage, low: float, high: float) -> FloatImage:
     count = np.count_nonzero((linear < low) | (linear > high))
     if count:
-        message = f"{path}: {count} value{'s' if count > 1 else ''} outside of {low:g} to {high:g} clamped"
-        warnings.warn(message, ImageWarning, stacklevel=4)
+        values = f"{count} value{'s' if count > 1 else ''}"
+        warn(ImageWarning(f"{name_of(target)}: {values} outside of {low:g} to {high:g} clamped"))
     return np.clip(linear, low, high)
 
 
-def write_encoded(
-    path: Path, pixels: NDArray[Any], *, pixel_type: str = "uint8", names: tuple[str, ...] = ()
-) -> None:
-    """Writes an array (height, width, channels) as it is, atomically. Raises ImageError."""
-    import OpenImageIO as oiio  # as in `read`
+# The numbers that files hold, by those of arrays.
+PIXEL_TYPES = {"uint8": "uint8", "uint16": "uint16", "uint32": "uint", "float16": "half", "float32": "float"}
 
+
+def write_encoded(
+    target: Target, pixels: NDArray[Any], *, ending: str = "", names: tuple[str, ...] = ()
+) -> None:
+    """Writes an array (height, width, channels) as it is, atomically. Raises ImageError.
+
+    Args:
+        target: a file, or a stream.
+        pixels: 8, 16 or 32-bit whole numbers, or 16 or 32-bit floats.
+        ending: of the format, if not that of the file's name.
+        names: of the channels.
+    """
+    import OpenImageIO as oiio  # as in `check_offered`
+
+    ending = ending or ending_of(target if isinstance(target, Path) else None, None)
     height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, pixel_type)
+    spec = oiio.ImageSpec(width, height, channels, PIXEL_TYPES[pixels.dtype.name])
     if names:
         spec.channelnames = names
         spec.alpha_channel = names.index("A") if "A" in names else -1
-    if path.suffix.lower() == ".pfm":
+    if ending == ".pfm":
         # OpenImageIO flips this bottom-up format chunk by chunk (its issue 5471): flip it here instead.
         spec.attribute("pnm:pfmflip", 0)
         pixels = pixels[::-1]
-    if pixel_type == "uint8":
+    if ending in LOW_RANGE:
         spec.attribute("oiio:ColorSpace", "sRGB")
         spec.attribute("oiio:UnassociatedAlpha", 1)  # nothing is divided by alpha
         spec.attribute("CompressionQuality", 95)
-    with replacing(path) as temporary, plain_name(temporary) as name:
-        if path.suffix.lower() in JPEG:  # libjpeg ends the process when the disk is full: ask before
-            check_space(path, width, height)
+    with written_to(target, ending) as temporary, plain_name(temporary) as name:
+        if ending in JPEG and isinstance(target, Path):  # libjpeg ends the process when the disk is full
+            check_space(target, width, height, format=ending)
         output = oiio.ImageOutput.create(name)
         if output is None:
-            raise ImageError(f"{path}: {reason(oiio)}")
+            raise ImageError(f"{name_of(target)}: {reason(oiio)}")
         done = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
         done = output.close() and done
         problem = reason(output, "")  # the PNG writer reports success when the disk is full
         if not done or problem:
-            raise ImageError(f"{path}: cannot be written: {problem or 'unknown reason'}")
+            raise ImageError(f"{name_of(target)}: cannot be written: {problem or 'unknown reason'}")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lajolla import _core
 from lajolla.image import Image
+from lajolla.messages import names_checked, suggestion, warn
 from lajolla.options import (
     MAX_SAMPLES,
     MAX_SEED,
@@ -19,10 +20,16 @@ from lajolla.options import (
     Options,
     apply_options,
     check_range,
-    suggestion,
 )
 from lajolla.render import MAX_THREADS, Progress, Rendering, available_threads
-from lajolla.scene import Description, SceneWarning, describe, load_description
+from lajolla.scene import (
+    Description,
+    SceneFile,
+    SceneWarning,
+    UnknownParameter,
+    describe,
+    load_description,
+)
 
 
 class Scene:
@@ -41,6 +48,10 @@ class Scene:
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
 
+    def __repr__(self) -> str:
+        samples = self.core.sample_count
+        return f"<lajolla.Scene, {self.width} x {self.height} pixels, {samples} samples per pixel>"
+
     @property
     def width(self) -> int:
         """Of the picture, in pixels."""
@@ -51,6 +62,7 @@ class Scene:
         """Of the picture, in pixels."""
         return self.core.height
 
+    @names_checked
     def rendering(
         self, *, spp: int | None = None, seed: int | None = None, threads: int | None = None
     ) -> Rendering:
@@ -63,6 +75,7 @@ class Scene:
         check_range("threads", threads, 1, MAX_THREADS)
         return Rendering(self.core, spp=spp, seed=seed, threads=threads, film=self.film)
 
+    @names_checked
     def render(
         self,
         *,
@@ -83,6 +96,7 @@ class Scene:
         rendering.run(observe)
         return rendering.image()
 
+    @names_checked
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
         """What one sample of pixel (x, y) adds, or the mean of all samples: three numbers, float64.
 
@@ -104,7 +118,7 @@ class Scene:
 
 
 def load(
-    path: str | os.PathLike[str],
+    path: SceneFile,
     *,
     strict: bool = False,
     two_sided: bool = False,
@@ -113,30 +127,43 @@ def load(
 ) -> Scene:
     """Opens a Mitsuba scene file.
 
+    Python's `warnings` tell what is not rendered as written, each as a SceneWarning; the scene keeps them.
+
     Args:
-        path: the XML file.
+        path: the XML file, or a binary file object to read it from. Other files are beside it, or in the
+            current folder where it has no name.
         strict: makes unknown plugins and properties errors.
         two_sided: lets opaque surfaces reflect on both sides.
         parameters: values of the file's `$name` parameters.
-        options: the fields of `Options` (spp, size, crop, seed, integrator, max_depth, sensor); any other
-            name is a parameter.
+        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor); any
+            other name is a parameter that the file must have.
 
     Raises:
         SceneError: something is wrong with the scene; the message tells where.
         OptionError: an option does not fit the scene.
+        TypeError: there is no such option or parameter.
     """
     own, extra = _split_options(options)
     texts = {name: _as_text(value) for name, value in {**extra, **(parameters or {})}.items()}
     start = time.perf_counter()
-    description = load_description(
-        Path(path),
-        parameters=texts,
-        strict=strict,
-        two_sided=two_sided,
-        integrator=own.integrator,
-        sensor=own.sensor,
-    )
-    return Scene(description, own, time.perf_counter() - start)
+    try:
+        description = load_description(
+            path,
+            parameters=texts,
+            required_names=extra,
+            strict=strict,
+            two_sided=two_sided,
+            integrator=own.integrator,
+            sensor=own.sensor,
+        )
+    except UnknownParameter as problem:
+        hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", *vars(own), *problem.known])
+        what = f"load() has no option {problem.name!r}, nor has the scene such a parameter"
+        raise TypeError(what + hint) from None
+    return _told(Scene(description, own, time.perf_counter() - start))
+
+
+LOAD_OPTIONS = ("strict", "two_sided")
 
 
 def load_dict(
@@ -152,9 +179,9 @@ def load_dict(
     Relative file names in it belong to `base_path`, or else to the current folder.
     """
     own, unknown = _split_options(options)
-    if unknown:
-        name = next(iter(unknown))
-        raise TypeError(f"load_dict() has no option {name!r}{suggestion(name, vars(own))}")
+    for name in unknown:
+        hint = suggestion(name, [*LOAD_OPTIONS, "base_path", *vars(own)])
+        raise TypeError(f"load_dict() has no option {name!r}{hint}")
     start = time.perf_counter()
     folder = None if base_path is None else Path(base_path)
     description = describe(
@@ -165,7 +192,13 @@ def load_dict(
         integrator=own.integrator,
         sensor=own.sensor,
     )
-    return Scene(description, own, time.perf_counter() - start)
+    return _told(Scene(description, own, time.perf_counter() - start))
+
+
+def _told(scene: Scene) -> Scene:
+    for warning in scene.warnings:
+        warn(warning)
+    return scene
 
 
 def _split_options(options: Mapping[str, Any]) -> tuple[Options, dict[str, Any]]:

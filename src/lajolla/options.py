@@ -1,10 +1,10 @@
 """What a caller sets beside a scene, and what it makes of the description."""
 
-import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, SupportsIndex
 
+from lajolla.messages import suggestion
 from lajolla.scene import core_schema, plugins_by_kind
 
 MAX_SAMPLES = 2**30  # as in the core
@@ -25,6 +25,7 @@ class Options:
     size: tuple[int, int] | None = None  # width, height in pixels; drops the scene's crop window
     crop: tuple[int, int, int, int] | None = None  # x, y, width, height in pixels
     seed: int | None = None
+    sampler: str | None = None  # "independent" or "sobol", which every sampler of a scene stands for
     integrator: str | None = None  # keeps the parameters in the scene that the new one has too
     max_depth: int | None = None  # -1: unlimited, 1: emitters alone, 2: direct light
     sensor: int | str | None = None  # which one of several, by its number from 0 or its id
@@ -38,13 +39,14 @@ class Options:
         _check_window("crop", self.crop, (0, 0, 1, 1), MAX_SIZE)
         if self.sensor is not None and not isinstance(self.sensor, str):
             check_range("sensor", self.sensor, 0, MAX_INTEGER)
-        if self.integrator is None:
-            return
-        integrators = [plugin.name for plugin in plugins_by_kind()["integrator"].values()]
-        if self.integrator not in integrators:
-            raise OptionError(
-                f"unknown integrator {self.integrator!r}{suggestion(str(self.integrator), integrators)}"
-            )
+        _check_name("sampler", self.sampler, lambda: list(core_schema()["sampler"]))
+        integrators = plugins_by_kind()["integrator"]
+        _check_name("integrator", self.integrator, lambda: [plugin.name for plugin in integrators.values()])
+
+
+def _check_name(kind: str, name: str | None, known: Callable[[], list[str]]) -> None:
+    if name is not None and name not in known():
+        raise OptionError(f"unknown {kind} {name!r}{suggestion(str(name), known())}")
 
 
 def check_range(name: str, value: int | None, lowest: int, highest: int) -> None:
@@ -72,7 +74,8 @@ def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
     Another integrator or sensor is not among them: they are chosen when the scene is read.
     """
     result = dict(core)
-    result["sampler"] = _with(core["sampler"], sample_count=options.spp, seed=options.seed)
+    points = {"type": options.sampler, "sample_count": options.spp, "seed": options.seed}
+    result["sampler"] = _with(core["sampler"], **points)
     film = dict(core["film"])
     if options.size is not None:
         film = {key: value for key, value in film.items() if not key.startswith("crop_")}
@@ -84,7 +87,7 @@ def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
     return result
 
 
-def _with(entry: Mapping[str, Any], **values: int | None) -> dict[str, Any]:
+def _with(entry: Mapping[str, Any], **values: object) -> dict[str, Any]:
     return {**entry, **{key: value for key, value in values.items() if value is not None}}
 
 
@@ -103,9 +106,3 @@ def _integrator(entry: Mapping[str, Any], options: Options) -> dict[str, Any]:
     if options.max_depth is not None and "max_depth" not in fields:
         raise OptionError(f"the integrator {entry['type']!r} has no max_depth")
     return _with(entry, max_depth=options.max_depth)
-
-
-def suggestion(name: str, known: Mapping[str, Any] | list[str]) -> str:
-    """'; did you mean ...?' or the list of what there is."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else f"; there is {', '.join(known)}"

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lajolla.messages import LajollaWarning
+
 # A picture takes so many bytes at most, and so many more for each byte of its file, and so do all pictures of
 # a scene together: a small file cannot ask for all memory there is. Deflated data of one colour is a
 # thousandth of it; 1 GiB is what 8192 x 8192 pixels of it are as four float32 numbers each.
@@ -23,7 +25,7 @@ class ImageError(Exception):
     """A picture that cannot be read, written or compared; the message names the file and the reason."""
 
 
-class ImageWarning(UserWarning):
+class ImageWarning(LajollaWarning):
     """A picture that is not written as it is; the message names the file and the reason."""
 
 

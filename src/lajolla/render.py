@@ -37,7 +37,8 @@ class Progress:
 class Rendering:
     """A picture in the making: passes of samples are added until there are enough.
 
-    An exception in `run`, such as KeyboardInterrupt, leaves the finished passes: `samples` of `spp`.
+    An exception in `run`, such as KeyboardInterrupt, leaves the finished passes: `samples` of `spp`. The pass
+    that it cuts off is `lost`, in samples per pixel; `run` can be called again.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class Rendering:
         self.film = film
         self.channels = core.channels
         self.spp = spp
+        self.lost = 0
         self.seconds = 0.0
         self.threads = threads
         self.accumulator = _core.Render(core, seed)
@@ -62,18 +64,21 @@ class Rendering:
 
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
         """Renders what is missing; calls `observe` in this thread, about ten times a second."""
+        self.lost = 0
         with ThreadPoolExecutor(1) as worker:
             for count in self._passes():
-                start = time.perf_counter()
-                task = worker.submit(self.accumulator.add, self.samples, count, self.threads)
+                start, before = time.perf_counter(), self.samples
+                task = worker.submit(self.accumulator.add, before, count, self.threads)
                 try:
                     while not wait([task], timeout=POLL_SECONDS).done:
-                        done = self.samples + self.accumulator.progress * count
+                        done = before + self.accumulator.progress * count
                         observe(Progress(done, self.spp, self.seconds + time.perf_counter() - start))
                 except BaseException:
                     self.accumulator.cancel()
                     if task.result():  # it had ended already, and the next pass would be cancelled instead
                         self.accumulator.add(self.samples, 1, self.threads)
+                    else:
+                        self.lost = count
                     raise
                 if not task.result():
                     raise RuntimeError("the rendering was cancelled")

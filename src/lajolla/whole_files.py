@@ -9,8 +9,11 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO, TypeAlias
 
 from lajolla.picture_files import ImageError
+
+Target: TypeAlias = Path | BinaryIO  # where a file is written: its path, or a stream
 
 
 def check_folder(path: Path) -> None:
@@ -45,17 +48,41 @@ def is_device(path: Path) -> bool:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path of the same ending that takes the place of `path` when the block succeeds.
+def written_to(target: Target, ending: str) -> Iterator[Path]:
+    """A temporary path of this ending whose file goes to a path or a stream when the block succeeds."""
+    if isinstance(target, Path):
+        with replacing(target, ending) as temporary:
+            yield temporary
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        temporary = Path(folder, f"picture{ending}")
+        yield temporary
+        with temporary.open("rb") as file:
+            shutil.copyfileobj(file, target)
+        target.flush()
+
+
+def name_of(target: Target) -> str:
+    """What messages call it."""
+    return str(target if isinstance(target, Path) else getattr(target, "name", "the picture"))
+
+
+@contextmanager
+def replacing(path: Path, ending: str | None = None) -> Iterator[Path]:
+    """A temporary path that takes the place of `path` when the block succeeds.
 
     Where there is a pipe or a device, the bytes are written to it instead. A link stays a link.
+
+    Args:
+        path: the file to be.
+        ending: of the temporary path, if not that of `path`.
     """
     try:
         target, device = target_of(path), is_device(path)
         folder = Path(tempfile.gettempdir()) if device else target.parent
         prefix = _temporary_prefix(target)
         _remove_abandoned(folder, prefix)
-        temporary = folder / f"{prefix}{os.getpid()}-{secrets.token_hex(4)}{path.suffix}"
+        temporary = folder / f"{prefix}{os.getpid()}-{secrets.token_hex(4)}{ending or path.suffix}"
         try:
             yield temporary
             if device:

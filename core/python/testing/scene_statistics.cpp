@@ -43,18 +43,19 @@ bool sees(const Scene &scene, Tracer &tracer, Vec3f p, const DirectSample<float>
 nb::dict emitter_sample_many(const RenderableScene &self, const Point &point, const Rows<3> &u, Index index) {
     const Scene &scene = *self.scene;
     Tracer tracer(scene.accel());
+    const Vec3f p = scene.from_world(point_of(point));
     const std::size_t n = u.shape(0);
     Table<float, 3> wi(n), radiance(n);
     Table<float, 1> distance(n), pdf(n);
     Table<bool, 1> delta(n), visible(n);
     for (std::size_t i = 0; i < n; ++i) {
-        const DirectSample<float> s = sample_light(scene, index, point_of(point), triple(u, i));
+        const DirectSample<float> s = sample_light(scene, index, p, triple(u, i));
         wi.set(i, s.wi);
         radiance.set(i, s.radiance);
         distance.set(i, s.distance);
         pdf.set(i, s.pdf);
         delta.set(i, s.delta);
-        visible.set(i, s.pdf > 0 && sees(scene, tracer, point_of(point), s));
+        visible.set(i, s.pdf > 0 && sees(scene, tracer, p, s));
     }
     nb::dict result;
     result["wi"] = std::move(wi).to_numpy();
@@ -94,10 +95,11 @@ Arrival arrival(const Scene &scene, Index index, Vec3f p, Vec3f wi) {
 }
 
 nb::tuple emitter_eval_many(const RenderableScene &self, const Point &point, const Rows<3> &wi, Index index) {
+    const Vec3f p = self.scene->from_world(point_of(point));
     Table<float, 3> radiance(wi.shape(0));
     Table<float, 1> pdf(wi.shape(0));
     for (std::size_t i = 0; i < wi.shape(0); ++i) {
-        const Arrival a = arrival(*self.scene, index, point_of(point), triple(wi, i));
+        const Arrival a = arrival(*self.scene, index, p, triple(wi, i));
         radiance.set(i, a.radiance);
         pdf.set(i, a.pdf);
     }
@@ -139,7 +141,7 @@ nb::dict shape_sample_many(const RenderableScene &self, std::uint32_t index, con
         const SurfaceSample s = match(parts.shapes[index], [&](const auto &shape) {
             return shape.sample(u(i, 0), {u(i, 1), u(i, 2)});
         });
-        position.set(i, s.position);
+        position.set(i, self.scene->in_world(s.position));
         normal.set(i, s.normal);
         barycentric.set(i, Vec2f{s.b1, s.b2});
         position_error.set(i, s.position_error);
@@ -162,7 +164,7 @@ std::vector<std::optional<Hit<float>>> closest_hits(const Scene &scene, const Ro
     require_one_or(origins.shape(0), directions.shape(0), "origins");
     std::vector<std::optional<Hit<float>>> hits(directions.shape(0));
     for (std::size_t i = 0; i < hits.size(); ++i) {
-        const Ray<float> ray{triple(origins, i), triple(directions, i)};
+        const Ray<float> ray{scene.from_world(triple(origins, i)), triple(directions, i)};
         if (const auto found = scene.accel().closest(ray)) hits[i] = scene.hit(ray, *found, {});
     }
     return hits;
@@ -182,7 +184,8 @@ nb::dict hit_many(const RenderableScene &self, const Rows<3> &origins, const Row
     for (std::size_t i = 0; i < hits.size(); ++i) valid.set(i, hits[i].has_value());
     nb::dict result;
     result["valid"] = std::move(valid).to_numpy();
-    result["position"] = column<float, 3>(hits, [](const Hit<float> &h) { return h.position; });
+    result["position"] =
+        column<float, 3>(hits, [&](const Hit<float> &h) { return self.scene->in_world(h.position); });
     result["normal"] = column<float, 3>(hits, [](const Hit<float> &h) { return h.normal; });
     result["shading_normal"] = column<float, 3>(hits, [](const Hit<float> &h) { return h.shading_normal; });
     result["dp_du"] = column<float, 3>(hits, [](const Hit<float> &h) { return h.dp_du; });
@@ -204,7 +207,8 @@ nb::object leave_many(const RenderableScene &self, const Rows<3> &origins, const
     require_one_or(onward.shape(0), directions.shape(0), "onward");
     const auto hits = closest_hits(*self.scene, origins, directions);
     return tabulate<3>(hits.size(), [&](std::size_t i) {
-        return hits[i] ? leave(*hits[i], triple(onward, i)) : Vec3f(std::numeric_limits<float>::quiet_NaN());
+        return hits[i] ? self.scene->in_world(leave(*hits[i], triple(onward, i)))
+                       : Vec3f(std::numeric_limits<float>::quiet_NaN());
     });
 }
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from .formats.images import Pixels
 from .schema import core_schema
 from .syntax.dict_reader import nodes_from_dict
 from .syntax.errors import Diagnostics, Location, SceneError, SceneWarning, Source, blamed_on, reason_of
-from .syntax.expand import expand_file
+from .syntax.expand import UnknownParameter, expand_file
 from .syntax.resolve import resolve
 from .syntax.typed import Tree, nodes_from_elements
 from .versions.upgrade import upgrade
@@ -39,7 +39,9 @@ __all__ = [
     "Description",
     "Export",
     "SceneError",
+    "SceneFile",
     "SceneWarning",
+    "UnknownParameter",
     "convert",
     "core_schema",
     "describe",
@@ -49,6 +51,7 @@ __all__ = [
     "sensor_names",
 ]
 
+SceneFile: TypeAlias = str | os.PathLike[str] | BinaryIO
 NO_PARAMETERS: Mapping[str, str] = MappingProxyType({})
 
 
@@ -81,9 +84,10 @@ class Description:
 
 
 def load_description(
-    path: str | os.PathLike[str],
+    path: SceneFile,
     *,
     parameters: Mapping[str, str] = NO_PARAMETERS,
+    required_names: Container[str] = (),
     strict: bool = False,
     two_sided: bool = False,
     integrator: str | None = None,
@@ -92,8 +96,9 @@ def load_description(
     """Reads a Mitsuba scene file of any version.
 
     Args:
-        path: an XML file.
+        path: an XML file, or a binary file object to read one from.
         parameters: values for `$name` in the file; they win over its defaults.
+        required_names: of parameters that the scene must have; others are warned about.
         strict: refuse unknown plugins and properties instead of warning.
         two_sided: make opaque materials the same on the back.
         integrator: the plugin to use in place of the scene's integrator, with the parameters that both have.
@@ -101,20 +106,19 @@ def load_description(
 
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
+        UnknownParameter: the scene does not have one that it must have.
     """
-    tree, builder = _read(Path(path), parameters, strict)
+    tree, builder = _read(path, parameters, strict, required_names)
     return _describe(tree, replace(builder, two_sided=two_sided, integrator=integrator, sensor=sensor))
 
 
-def sensor_names(
-    path: str | os.PathLike[str], *, parameters: Mapping[str, str] = NO_PARAMETERS
-) -> tuple[str, ...]:
+def sensor_names(path: SceneFile, *, parameters: Mapping[str, str] = NO_PARAMETERS) -> tuple[str, ...]:
     """The ids of a scene file's sensors, or their numbers where they have none; nothing else is opened.
 
     Raises:
         SceneError: the scene cannot be read; the message tells where and why.
     """
-    tree, _ = _read(Path(path), parameters, strict=False)
+    tree, _ = _read(path, parameters, strict=False)
     return cameras.names(tree.root)
 
 
@@ -129,7 +133,7 @@ class Export:
 
 
 def convert(
-    path: str | os.PathLike[str],
+    path: SceneFile,
     target: str | os.PathLike[str],
     *,
     parameters: Mapping[str, str] = NO_PARAMETERS,
@@ -139,7 +143,7 @@ def convert(
     """Restates a scene file of any version as one of version 3.0.0; nothing is written.
 
     Args:
-        path: an XML file.
+        path: an XML file, or a binary file object to read one from.
         target: where the result will be; names of meshes and textures are relative to it.
         parameters: values for `$name` in the file; they win over its defaults.
         strict: refuse unknown plugins and properties instead of warning.
@@ -151,7 +155,7 @@ def convert(
     from .export.translator import Translator  # the way out, which no render needs
     from .export.write import scene_text
 
-    tree, builder = _read(Path(path), parameters, strict)
+    tree, builder = _read(path, parameters, strict)
     description = _describe(tree, builder)
     diagnostics = Diagnostics()
     builder = replace(builder, diagnostics=diagnostics, pictures=Budget())  # some are read again
@@ -200,13 +204,26 @@ def plugins() -> dict[str, dict[str, Any]]:
     return result
 
 
-def _read(path: Path, parameters: Mapping[str, str], strict: bool) -> tuple[Tree, Builder]:
+def _read(
+    file: SceneFile, parameters: Mapping[str, str], strict: bool, required_names: Container[str] = ()
+) -> tuple[Tree, Builder]:
     """A scene file's nodes, opened, and the builder that knows where its files are."""
     diagnostics = Diagnostics(strict)
-    document = expand_file(path, parameters, diagnostics)
+    path, data = _named(file)
+    document = expand_file(path, parameters, diagnostics, data=data, required_names=required_names)
     tree = nodes_from_elements(document.root, diagnostics)
     builder = Builder(_core, diagnostics, document.search_paths)
     return _opened(tree, builder), builder
+
+
+def _named(file: SceneFile) -> tuple[Path, bytes | None]:
+    """A scene file's path, and what is in it where it is open; other files are beside that path."""
+    if isinstance(file, str | os.PathLike):
+        return Path(file), None
+    name, data = getattr(file, "name", None), file.read()
+    if not isinstance(data, bytes):
+        raise TypeError('a scene is read from bytes: open its file with mode "rb"')
+    return Path(name if isinstance(name, str) else "scene"), data
 
 
 def _opened(tree: Tree, builder: Builder) -> Tree:

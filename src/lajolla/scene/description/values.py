@@ -11,8 +11,9 @@ import numpy as np
 from ..data.ior import index_of_refraction
 from ..data.spectra import read_spd, to_rgb
 from ..schema import Content, Field
-from ..syntax.errors import SceneError, did_you_mean
+from ..syntax.errors import SceneError, did_you_mean, reason_of
 from ..syntax.files import find_file
+from ..syntax.foreign import is_mesh, type_name
 from ..syntax.literals import Text, parse_numbers
 from ..syntax.nodes import Blackbody, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
 from ..syntax.transforms import checked_matrix
@@ -116,7 +117,7 @@ def _vector(builder: Builder, owner: Node, prop: Property, field: Field) -> tupl
 
 
 def _transform(builder: Builder, owner: Node, prop: Property, field: Field) -> np.ndarray | None:
-    given = getattr(prop.value, "matrix", prop.value)
+    given = prop.value
     if getattr(given, "size", 16) > 16:
         return None
     try:
@@ -259,6 +260,26 @@ def _object(name: str) -> Converter:
     return convert_object
 
 
+def _mesh(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+    """One of the core's, or of another library: made smooth, as those of files without normals are."""
+    if isinstance(prop.value, builder.core.Mesh):
+        return prop.value
+    if not is_mesh(prop.value):
+        return None
+    try:
+        vertices = np.ascontiguousarray(prop.value.vertices, np.float32)
+        faces = np.ascontiguousarray(prop.value.faces)
+        if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
+            raise ValueError("its faces name vertices that are not there")
+        uvs = getattr(getattr(prop.value, "visual", None), "uv", None)
+        uvs = None if uvs is None else np.ascontiguousarray(uvs, np.float32)
+        mesh = builder.core.Mesh(vertices, faces.astype(np.uint32), None, uvs)
+    except (TypeError, ValueError) as problem:
+        what = f"the {type_name(prop.value)} is no triangle mesh"
+        raise SceneError(f"{what}: {reason_of(problem)}", prop.location) from None
+    return mesh.with_vertex_normals(np.eye(4).tolist())
+
+
 Converter: TypeAlias = Callable[["Builder", Node, Property, Field], Any]
 
 
@@ -280,7 +301,7 @@ CONVERTERS: dict[str, Converter] = {
     "phase": _phase,
     "grid": _array,
     "measurement": _object("Measurement"),
-    "mesh": _object("Mesh"),
+    "mesh": _mesh,
     "curves": _object("Curves"),
     "image": _array,
 }

@@ -1,319 +1,300 @@
-"""OpenVDB and NanoVDB files as dense grids.
+"""OpenVDB files as dense grids.
 
-NanoVDB (Museth 2021, "NanoVDB: A GPU-Friendly and Portable VDB Data Structure for Real-Time Rendering and
-Simulation") keeps a tree in one block of memory, and its files hold that block: a root with a table of
-32^3-ary nodes, these of 16^3-ary nodes, these of leaves with 8^3 voxels. Offsets below follow the layout of
-the format's version 32, in which every structure is padded to 32 bytes.
+A file holds grids, each with a transform and a tree (Museth 2013, "VDB: High-Resolution Sparse Volumes with
+Dynamic Topology"): a root, nodes of 32^3 children, nodes of 16^3, and leaves of 8^3 voxels. First comes the
+topology, with the values of regions that have no nodes of their own, then the voxels of all leaves in the
+same order.
 """
 
 from __future__ import annotations
 
-import importlib
+import re
 import struct
-import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import numpy.typing as npt
 
 from ..syntax.files import file_bytes
 from ..syntax.nodes import Array
+from .packing import inflated, unpacked_by_blosc
 from .voxels import VoxelError, Voxels, box_transform, checked_shape, most_sparse
 
-Bytes = npt.NDArray[np.uint8]
-Values = npt.NDArray[np.float32]
+Mask = npt.NDArray[np.bool_]
+Numbers = npt.NDArray[np.generic]
 
-MAGIC = (b"NanoVDB0", b"NanoVDB1", b"NanoVDB2")
-FILE_HEADER = struct.Struct("<8sIHH")  # magic, version, grids, codec
-META_SIZE, META_NAME_SIZE, META_GRID_SIZE = 176, 136, 0
-NONE, ZIP, BLOSC = 0, 1, 2
-# Packed data becomes so many bytes at most, and so many more for each packed one.
-SMALL_UNPACKED = 1 << 24
-MOST_PACKING = 64
-
-# Grid types by number, and their names.
-FLOAT, VEC3F, FP4, FP8, FP16, FPN = 1, 6, 13, 14, 15, 16
-QUANTISED = {FP4: 4, FP8: 8, FP16: 16}  # bits of a voxel
-KNOWN = {FLOAT: "float", VEC3F: "Vec3f", FP4: "Fp4", FP8: "Fp8", FP16: "Fp16", FPN: "FpN"}
-
-GRID_HEADER, GRID_MAP, GRID_TYPE = 672, 296, 636  # size of the header; where its map and its type are
-MAP_MATRIX, MAP_OFFSET = 88, 232  # within the map, in double precision
-TREE_HEADER = 64
+MAGIC = 0x56444220
+OLDEST = 222  # the format of OpenVDB 2.0
+TYPES = {  # what a value is made of, and of how many
+    "float": ("<f4", 1),
+    "double": ("<f8", 1),
+    "half": ("<f2", 1),
+    "int32": ("<i4", 1),
+    "int64": ("<i8", 1),
+    "vec3s": ("<f4", 3),
+    "vec3d": ("<f8", 3),
+}
 LEVELS = ((32, 4096), (16, 128))  # nodes below the root: children along an axis, voxels along an axis
 LEAF = 8
+ZIP, ACTIVE_MASK, BLOSC = 1, 2, 4  # flags of a grid
+MAPS = {  # of index space to the world: vectors of doubles; which one is the translation, which the scale
+    "TranslationMap": (1, 0, None),
+    "ScaleMap": (5, None, 0),
+    "UniformScaleMap": (5, None, 0),
+    "ScaleTranslateMap": (6, 0, 1),
+    "UniformScaleTranslateMap": (6, 0, 1),
+}
+# What inactive values are where only active ones are stored. In the first case they are the background; in
+# the last nothing is left out. Where there are two inactive values, a mask selects.
+BACKGROUND, MINUS, OTHER, BACKGROUND_OR_MINUS, BACKGROUND_OR_OTHER, TWO_OTHERS, ALL_STORED = range(7)
 
 
-def _padded(size: int) -> int:
-    return (size + 31) // 32 * 32
+class _Stream:
+    """Bytes that are read from front to back."""
+
+    def __init__(self, data: bytes, at: int = 0) -> None:
+        self.data = data
+        self.at = at
+
+    def bytes(self, count: int) -> bytes:
+        if not 0 <= count <= len(self.data) - self.at or self.at < 0:
+            raise VoxelError("it is cut short")
+        self.at += count
+        return self.data[self.at - count : self.at]
+
+    def numbers(self, form: str) -> tuple[int, ...]:
+        return struct.unpack(f"<{form}", self.bytes(struct.calcsize(f"<{form}")))
+
+    def array(self, kind: str, count: int) -> Numbers:
+        return np.frombuffer(self.bytes(np.dtype(kind).itemsize * count), kind)
+
+    def text(self) -> str:
+        return self.bytes(*self.numbers("I")).decode("utf-8", "replace")
+
+    def mask(self, count: int) -> Mask:
+        return np.unpackbits(self.array("u1", count // 8), bitorder="little").astype(bool)
+
+    def metadata(self) -> dict[str, bytes]:
+        """Values by their names, as they are stored."""
+        result = {}
+        for _ in range(*self.numbers("I")):
+            name, _type = self.text(), self.text()
+            result[name] = self.bytes(*self.numbers("I"))
+        return result
 
 
-def read_nvdb(path: Path, grid_name: str) -> Voxels:
-    """Reads a grid of a NanoVDB file; the first one where the file has one grid only, of any name.
+@dataclass
+class _Entry:
+    """A grid in the table of contents: its type, the grid whose tree it shares, and where it begins."""
+
+    type: str
+    parent: str
+    at: int
+
+
+def read_vdb(path: Path, grid_name: str) -> Voxels:
+    """Reads a grid of an OpenVDB file; the one that it has, whatever its name, where it has no other.
 
     Raises:
         VoxelError: the file, or the kind of grid, cannot be read.
     """
     data = file_bytes(path)
-    names: dict[str, tuple[bytes, int, int]] = {}  # codec and place of each grid
-    for name, block in _grids(data):
-        names.setdefault(name, block)
-    if not names:
+    entries = _contents(_Stream(data))
+    named = {name.partition("\x1e")[0]: name for name in reversed(entries)}  # the first of those alike
+    if not named:
         raise VoxelError("it holds no grid")
-    if grid_name not in names and len(names) > 1:
-        raise VoxelError(f'it has no grid "{grid_name}", only {", ".join(sorted(names))}')
-    block, codec, size = names[grid_name] if grid_name in names else next(iter(names.values()))
-    try:
-        return _Grid(_unpacked(block, codec, size)).voxels()
-    except (IndexError, ValueError, struct.error) as problem:
-        if isinstance(problem, VoxelError):
-            raise
-        raise VoxelError("its tree is broken") from None
+    if grid_name not in named and len(named) > 1:
+        raise VoxelError(f'it has no grid "{grid_name}", only {", ".join(sorted(named))}')
+    entry = entries[named.get(grid_name, next(iter(named.values())))]
+    tree, to_world = _opened(data, entry)
+    if entry.parent:
+        if entry.parent not in entries or entries[entry.parent].parent:
+            raise VoxelError("its tree is broken")
+        tree, _ = _opened(data, entries[entry.parent])
+    tree.read()
+    low, high = tree.bounds()
+    shape = checked_shape(tuple(high - low + 1)[::-1], tree.channels, most_sparse(len(data)))
+    values = tree.dense(low, high).transpose(2, 1, 0, 3).reshape(shape)
+    return Voxels(values, to_world @ box_transform(low - 0.5, high + 0.5))
 
 
-def _grids(data: bytes) -> Iterator[tuple[str, tuple[bytes, int, int]]]:
-    """Name, and packed bytes, codec and unpacked size, of every grid in the segments of a file."""
-    at = 0
-    while at < len(data):
-        try:
-            magic, _, count, codec = FILE_HEADER.unpack_from(data, at)
-            if magic not in MAGIC:
-                raise VoxelError("it is not a NanoVDB file")
-            at += FILE_HEADER.size
-            entries = []
-            for _ in range(count):
-                size, packed = struct.unpack_from("<QQ", data, at + META_GRID_SIZE)
-                (length,) = struct.unpack_from("<I", data, at + META_NAME_SIZE)
-                name = data[at + META_SIZE : at + META_SIZE + length].rstrip(b"\0").decode("utf-8", "replace")
-                entries.append((name, size, packed))
-                at += META_SIZE + length
-        except struct.error:
-            raise VoxelError("it is cut short") from None
-        for name, size, packed in entries:
-            if at + packed > len(data):
-                raise VoxelError("it is cut short")
-            yield name, (data[at : at + packed], codec, size)
-            at += packed
+def _contents(stream: _Stream) -> dict[str, _Entry]:
+    """The grids of a file by their names."""
+    if len(stream.data) < 8 or stream.numbers("q") != (MAGIC,):
+        raise VoxelError("it is not an OpenVDB file")
+    version, *_, has_offsets = stream.numbers("IIIB")
+    if version < OLDEST:
+        raise VoxelError(f"its format {version} is older than {OLDEST}, that of OpenVDB 2.0")
+    if not has_offsets:
+        raise VoxelError("it was written to a stream, without the places of its grids")
+    stream.bytes(36)  # its identifier
+    stream.metadata()
+    entries = {}
+    for _ in range(*stream.numbers("I")):
+        name, kind, parent = stream.text(), stream.text(), stream.text()
+        at, _, stream.at = stream.numbers("qqq")  # the next entry is behind the grid
+        entries.setdefault(name, _Entry(kind, parent, at))
+    return entries
 
 
-def _unpacked(block: bytes, codec: int, size: int) -> Bytes:
-    if codec == NONE:
-        data = block
-    elif codec == ZIP and size > SMALL_UNPACKED + MOST_PACKING * len(block):
-        wanted = f"its compressed data would take {size >> 20:,} MiB"
-        raise VoxelError(f"{wanted}, more than {MOST_PACKING} times the file")
-    elif codec == ZIP:
-        try:
-            data = zlib.decompressobj().decompress(block[8:], size + 1)
-        except zlib.error:
-            raise VoxelError("its compressed data is broken") from None
-    elif codec == BLOSC:
-        data = _unpack_blosc(block)
+def _opened(data: bytes, entry: _Entry) -> tuple[_Tree, Array]:
+    """A grid's tree, which is to be read, and its transform from index space to the world."""
+    found = re.fullmatch(r"Tree_(\w+?)_5_4_3(_HalfFloat)?", entry.type)
+    if found is None or found[1] not in TYPES:
+        raise VoxelError(f'its grid is a "{entry.type}"; trees of {", ".join(TYPES)} can be read')
+    if not 0 <= entry.at < len(data):
+        raise VoxelError("it is cut short")
+    stream = _Stream(data, entry.at)
+    (flags,) = stream.numbers("I")
+    half = any(stream.metadata().get("is_saved_as_half_float", b"")) or bool(found[2])
+    to_world = _transform(stream)
+    kind, channels = TYPES[found[1]]
+    return _Tree(stream, flags, kind, channels, "<f2" if half else kind), to_world
+
+
+def _transform(stream: _Stream) -> Array:
+    kind = stream.text()
+    matrix = np.eye(4)
+    if kind in ("AffineMap", "UnitaryMap"):
+        matrix = stream.array("<f8", 16).reshape(4, 4).T  # for columns instead of rows
+    elif kind in MAPS:
+        count, translation, scale = MAPS[kind]
+        vectors = stream.array("<f8", 3 * count).reshape(count, 3)
+        if scale is not None:
+            matrix[:3, :3] = np.diag(vectors[scale])
+        if translation is not None:
+            matrix[:3, 3] = vectors[translation]
     else:
-        raise VoxelError(f"its codec {codec} is not known")
-    if len(data) != size:
-        raise VoxelError("its data has another size than it tells")
-    return np.frombuffer(data, np.uint8)
-
-
-def _unpack_blosc(block: bytes) -> bytes:
-    blosc = _module(("blosc",), 'it is compressed with Blosc, which needs "pip install blosc"')
-    chunks, at = [], 0
-    try:
-        while at < len(block):
-            (size,) = struct.unpack_from("<Q", block, at)
-            chunks.append(blosc.decompress(block[at + 8 : at + 8 + size]))
-            at += 8 + size
-    except Exception:  # whatever the module raises, the data is at fault
-        raise VoxelError("its compressed data is broken") from None
-    return b"".join(chunks)
-
-
-def _module(names: tuple[str, ...], message: str) -> ModuleType:
-    for name in names:
-        try:
-            return importlib.import_module(name)
-        except ImportError:
-            continue
-    raise VoxelError(message)
+        raise VoxelError(f'its transform is a "{kind}"; linear ones can be read')
+    if not np.all(np.isfinite(matrix)):
+        raise VoxelError("its transform is not finite")
+    return matrix
 
 
 @dataclass
-class _Level:
-    """Where things are in the nodes of one level: the child mask, the table and its entries."""
+class _Tree:
+    """A tree that is read from its place in a file."""
 
-    width: int  # children along an axis
-    reach: int  # voxels along an axis
-    masks: int  # bytes of one mask
-    table: int
-    entry: int
-    size: int
+    stream: _Stream
+    flags: int  # how values are compressed
+    kind: str  # of the numbers in the topology
+    channels: int
+    stored: str  # the kind of numbers in compressed arrays
+    background: Numbers = field(default_factory=lambda: np.zeros(1))
+    tiles: list[tuple[Array, int, Numbers]] = field(default_factory=list)  # corners, size, values
+    boxes: list[tuple[Array, int]] = field(default_factory=list)  # corners and size of what is active
+    leaves: list[tuple[Array, Mask]] = field(default_factory=list)  # corners, and which voxels are active
+    met: set[tuple[int, ...]] = field(default_factory=set)  # corners below the root
 
+    def read(self) -> None:
+        """Reads the topology; the voxels are next in the stream."""
+        self.stream.numbers("I")  # of buffers: always one
+        self.background = self.stream.array(self.kind, self.channels)
+        tiles, children = self.stream.numbers("II")
+        for _ in range(tiles):
+            corner = self._root_corner()[None]
+            value = self.stream.array(self.kind, self.channels)
+            (active,) = self.stream.numbers("B")
+            self._add_tiles(corner, LEVELS[0][1], value[None], np.array([bool(active)]))
+        for _ in range(children):
+            self._node(self._root_corner(), 0)
 
-class _Grid:
-    """A grid's block of memory."""
-
-    def __init__(self, data: Bytes) -> None:
-        self.data = data
-        if len(data) < GRID_HEADER + TREE_HEADER:
-            raise VoxelError("it is cut short")
-        self.type = int(self.read(GRID_TYPE, "<u4"))
-        if self.type not in KNOWN:
-            known = ", ".join(KNOWN.values())
-            raise VoxelError(f"its values are of type {self.type}; {known} can be read")
-        self.channels = 3 if self.type == VEC3F else 1
-        value = 4 * self.channels
-        self.entry = 16 if self.channels == 3 else 8  # of a table: a value or the offset of a child
-        statistics = 2 * value + 8  # least and largest value, mean and deviation
-        self.levels = []
-        for width, reach in LEVELS:
-            mask = width**3 // 8
-            table = _padded(32 + 2 * mask + statistics)
-            self.levels.append(_Level(width, reach, mask, table, self.entry, table + width**3 * self.entry))
-        self.root_header = _padded(28 + 3 * value + 8)
-        self.tile = _padded(20 + value)
-        self.keys: set[int] = set()  # of the root's tiles
-        self.seen: set[int] = set()  # nodes, each of which has one place
-        self.leaf_values = _padded(80 + statistics) if self.type in (FLOAT, VEC3F) else 96
-
-    def read(self, at: int, kind: str, count: int = 1) -> Array:
-        """Numbers at a byte offset; one of them is a scalar."""
-        kind_of = np.dtype(kind)
-        end = at + kind_of.itemsize * count
-        if at < 0 or end > len(self.data):
+    def _root_corner(self) -> Array:
+        """Where a tile or a node of the root begins: no other one does, or small files might take long."""
+        corner = self.stream.numbers("iii")
+        if corner in self.met or any(value % LEVELS[0][1] for value in corner):
             raise VoxelError("its tree is broken")
-        values = self.data[at:end].view(kind_of)
-        return values[0] if count == 1 else values
+        self.met.add(corner)
+        return np.array(corner, np.int64)
 
-    def voxels(self) -> Voxels:
-        tree = GRID_HEADER
-        root = tree + int(self.read(tree + 24, "<i8"))
-        low, high = self.read(root, "<i4", 6).reshape(2, 3).astype(np.int64)
-        width, height, depth = (int(n) for n in high - low + 1)
-        most = most_sparse(len(self.data))
-        shape = checked_shape((depth, height, width), self.channels, most)
-        background = self.read(root + 28, "<f4", self.channels)
-        self.low = low
-        self.dense = np.empty((width, height, depth, self.channels), np.float32)  # x first, as in the tree
-        self.dense[:] = background
-        for i in range(int(self.read(root + 24, "<u4"))):
-            self._root_tile(root, root + self.root_header + i * self.tile)
-        return Voxels(self.dense.transpose(2, 1, 0, 3).reshape(shape), self._box(low, high))
-
-    def _box(self, low: Array, high: Array) -> Array:
-        """Voxels are centred at whole numbers of index space, from which a map goes to the world."""
-        to_world = np.eye(4)
-        to_world[:3, :3] = self.read(GRID_MAP + MAP_MATRIX, "<f8", 9).reshape(3, 3)
-        to_world[:3, 3] = self.read(GRID_MAP + MAP_OFFSET, "<f8", 3)
-        if not np.all(np.isfinite(to_world)):
-            raise VoxelError("its transform is not finite")
-        return to_world @ box_transform(low - 0.5, high + 0.5)
-
-    def _visit(self, at: int) -> int:
-        """The place of a node, which no other one leads to: small files could be endless otherwise."""
-        if at in self.seen:
-            raise VoxelError("its tree is broken")
-        self.seen.add(at)
-        return at
-
-    def _root_tile(self, root: int, at: int) -> None:
-        key = int(self.read(at, "<u8"))
-        parts = [(key >> shift) & 0x1FFFFF for shift in (42, 21, 0)]  # 21 bits each, in units of 4096
-        origin = np.array([((p << 12) + 2**31) % 2**32 - 2**31 for p in parts], np.int64)
-        if key in self.keys:
-            raise VoxelError("its tree is broken")
-        self.keys.add(key)
-        child = int(self.read(at + 8, "<i8"))
-        if child == 0:
-            self._fill(origin, LEVELS[0][1], self.read(at + 20, "<f4", self.channels))
-        else:
-            self._node(self._visit(root + child), origin, 0)
-
-    def _node(self, at: int, origin: Array, depth: int) -> None:
-        """An inner node: its table holds values of empty regions, and offsets of children."""
-        level = self.levels[depth]
-        mask = np.unpackbits(self.read(at + 32 + level.masks, "u1", level.masks), bitorder="little")
-        table = self.read(at + level.table, "u1", level.entry * level.width**3).reshape(-1, level.entry)
-        step = level.reach // level.width
-        index = np.arange(level.width**3)
-        w = level.width
-        corners = origin + step * np.stack([index // (w * w), index // w % w, index % w], axis=1)
-        touched = np.all((corners + step > self.low) & (corners < self.low + self.dense.shape[:3]), axis=1)
-        offsets = table[:, :8].copy().view("<i8")[:, 0]
-        values = table[:, : 4 * self.channels].copy().view("<f4")
-        for i in np.flatnonzero(touched):
-            if not mask[i]:
-                self._fill(corners[i], step, values[i])
-            elif depth + 1 < len(self.levels):
-                self._node(self._visit(at + int(offsets[i])), corners[i], depth + 1)
+    def _node(self, origin: Array, depth: int) -> None:
+        """A node: masks of its children and of active values, all values, and then the children."""
+        width, reach = LEVELS[depth]
+        has_child, active = self.stream.mask(width**3), self.stream.mask(width**3)
+        values = self._values(active)
+        step = reach // width
+        corners = origin + step * np.stack(np.unravel_index(np.arange(width**3), (width,) * 3), axis=1)
+        told = ~has_child & (active | np.any(values != self.background, axis=1))
+        self._add_tiles(corners[told], step, values[told], active[told])
+        for corner in corners[has_child]:
+            if depth + 1 < len(LEVELS):
+                self._node(corner, depth + 1)
             else:
-                self._copy(corners[i], self._leaf(self._visit(at + int(offsets[i]))))
+                self.leaves.append((corner, self.stream.mask(LEAF**3)))
 
-    def _leaf(self, at: int) -> Values:
-        """The 8^3 values of a leaf, x first."""
-        shape = (LEAF, LEAF, LEAF, self.channels)
-        start = at + self.leaf_values
-        if self.type in (FLOAT, VEC3F):
-            return self.read(start, "<f4", LEAF**3 * self.channels).reshape(shape)
-        bits = QUANTISED.get(self.type) or 1 << (int(self.read(at + 15, "u1")) >> 5)
-        if bits > 16:
+    def _add_tiles(self, corners: Array, size: int, values: Numbers, active: Mask) -> None:
+        if len(corners):
+            self.tiles.append((corners, size, values))
+        if np.any(active):
+            self.boxes.append((corners[active], size))
+
+    def _values(self, active: Mask) -> Numbers:
+        """An array of values, as many as the mask has, of which the inactive ones may not be stored."""
+        (case,) = self.stream.numbers("B")
+        if case > ALL_STORED:
             raise VoxelError("its tree is broken")
-        least, step = self.read(at + 80, "<f4", 2)
-        packed = self.read(start, "u1", LEAF**3 * bits // 8)
-        if bits == 16:
-            codes = packed.view("<u2")
-        elif bits == 8:
-            codes = packed
+        first, second = self.background, self.background
+        if case in (MINUS, BACKGROUND_OR_MINUS):
+            first = -self.background
+        if case in (OTHER, BACKGROUND_OR_OTHER, TWO_OTHERS):
+            first = self.stream.array(self.kind, self.channels)
+        if case == TWO_OTHERS:
+            second = self.stream.array(self.kind, self.channels)
+        is_second = np.zeros(active.shape, bool)
+        if case in (BACKGROUND_OR_MINUS, BACKGROUND_OR_OTHER, TWO_OTHERS):
+            is_second = self.stream.mask(len(active))
+        if case == ALL_STORED or not self.flags & ACTIVE_MASK:
+            return self._numbers(len(active))
+        values = np.where(is_second[:, None], second, first).astype(self.stored)
+        values[active] = self._numbers(int(active.sum()))
+        return values
+
+    def _numbers(self, count: int) -> Numbers:
+        """So many values, unpacked."""
+        size = count * self.channels * np.dtype(self.stored).itemsize
+        plain = not self.flags & (ZIP | BLOSC) or (count == 0 and self.stored != self.kind)
+        if plain:  # arrays of halves have no size before them where they are empty
+            data = self.stream.bytes(size)
         else:
-            single = np.unpackbits(packed, bitorder="little").reshape(-1, bits)
-            codes = single @ (1 << np.arange(bits))
-        return (least + step * codes).astype(np.float32).reshape(shape)
+            (packed,) = self.stream.numbers("q")  # below zero where nothing is gained by packing
+            block = self.stream.bytes(abs(packed))
+            if packed <= 0:
+                data = block
+            else:
+                data = unpacked_by_blosc(block) if self.flags & BLOSC else inflated(block, size)
+        if len(data) != size:
+            raise VoxelError("its data has another size than it tells")
+        return np.frombuffer(data, self.stored).reshape(count, self.channels)
 
-    def _fill(self, corner: Array, size: int, value: Values) -> None:
-        low, high = self._clipped(corner, size)
-        self.dense[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = value
+    def bounds(self) -> tuple[Array, Array]:
+        """The least and the greatest index of active voxels along each axis."""
+        lows, highs = [], []
+        for corners, size in self.boxes:
+            lows.append(corners.min(axis=0))
+            highs.append(corners.max(axis=0) + size - 1)
+        for corner, active in self.leaves:
+            where = np.flatnonzero(active)
+            if len(where):
+                inside = np.stack(np.unravel_index(where, (LEAF,) * 3), axis=1)
+                lows.append(corner + inside.min(axis=0))
+                highs.append(corner + inside.max(axis=0))
+        if not lows:
+            raise VoxelError("its grid has no active voxels")
+        return np.min(lows, axis=0), np.max(highs, axis=0)
 
-    def _copy(self, corner: Array, values: Values) -> None:
-        low, high = self._clipped(corner, LEAF)
-        a, b = low + self.low - corner, high + self.low - corner
-        part = values[a[0] : b[0], a[1] : b[1], a[2] : b[2]]
-        self.dense[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = part
-
-    def _clipped(self, corner: Array, size: int) -> tuple[Array, Array]:
-        """A cube's corners in the dense array, cut off where that ends."""
-        extent = np.array(self.dense.shape[:3])
-        return np.clip(corner - self.low, 0, extent), np.clip(corner + size - self.low, 0, extent)
-
-
-def read_vdb(path: Path, grid_name: str) -> Voxels:
-    """Reads a grid of an OpenVDB file with the `openvdb` module.
-
-    Raises:
-        VoxelError: the module is not installed, or the file cannot be read.
-    """
-    message = '.vdb files need the Python module "openvdb" (python3-openvdb); .nvdb files need nothing'
-    openvdb = _module(("openvdb", "pyopenvdb"), message)
-    try:
-        names = [grid.name for grid in openvdb.readAllGridMetadata(str(path))]
-        if grid_name not in names and len(names) != 1:
-            raise VoxelError(f'it has no grid "{grid_name}", only {", ".join(sorted(names))}')
-        grid = openvdb.read(str(path), grid_name if grid_name in names else names[0])
-        low, high = (np.array(corner, np.int64) for corner in grid.evalActiveVoxelBoundingBox())
-        width, height, depth = (int(n) for n in high - low + 1)
-        channels = 3 if isinstance(grid.background, tuple) else 1
-        shape = checked_shape((depth, height, width), channels, most_sparse(path.stat().st_size))
-        dense = np.empty((width, height, depth, *([3] if channels == 3 else [])), np.float32)
-        grid.copyToArray(dense, ijk=tuple(int(v) for v in low))
-        rows = [
-            grid.transform.indexToWorld(corner) for corner in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
-        ]
-    except (OSError, RuntimeError, TypeError, ValueError, LookupError, AttributeError) as problem:
-        raise VoxelError(str(problem) or "it cannot be read") from None
-    origin, *axes = (np.array(row, float) for row in rows)
-    to_world = np.eye(4)
-    to_world[:3, :3] = np.stack([axis - origin for axis in axes], axis=1)
-    to_world[:3, 3] = origin
-    values = dense.reshape(width, height, depth, channels).transpose(2, 1, 0, 3).reshape(shape)
-    return Voxels(values, to_world @ box_transform(low - 0.5, high + 0.5))
+    def dense(self, low: Array, high: Array) -> npt.NDArray[np.float32]:
+        """The voxels from low to high, of shape (x, y, z, channels); reads those of the leaves."""
+        result = np.empty((*(high - low + 1), self.channels), np.float32)
+        result[:] = self.background
+        for corners, size, values in self.tiles:
+            seen = np.all((corners + size > low) & (corners <= high), axis=1)
+            for corner, value in zip(corners[seen], values[seen], strict=True):
+                a, b = (np.clip(end - low, 0, result.shape[:3]) for end in (corner, corner + size))
+                result[a[0] : b[0], a[1] : b[1], a[2] : b[2]] = value
+        for corner, _ in self.leaves:
+            voxels = self._values(self.stream.mask(LEAF**3)).reshape(LEAF, LEAF, LEAF, self.channels)
+            a, b = (np.clip(end - low, 0, result.shape[:3]) for end in (corner, corner + LEAF))
+            c, d = a + low - corner, b + low - corner
+            result[a[0] : b[0], a[1] : b[1], a[2] : b[2]] = voxels[c[0] : d[0], c[1] : d[1], c[2] : d[2]]
+        return result

@@ -5,7 +5,8 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from .openvdb import read_nvdb, read_vdb
+from .nanovdb import read_nvdb
+from .openvdb import read_vdb
 from .voxels import VoxelError, Voxels, read_vol
 
 

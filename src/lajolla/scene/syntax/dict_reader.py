@@ -14,6 +14,7 @@ from ..description.substitutes import SUBSTITUTES
 from ..schema import Content, Plugin
 from .errors import Location, SceneError, Source, did_you_mean, nearest
 from .expand import LATEST
+from .foreign import is_mesh, plain
 from .literals import Text, checked_spectrum, parse_rgb
 from .nodes import KINDS, Node, Property, Reference, Rgb, Spectrum, SpectrumFile, Value, Vector
 from .resolve import MAX_NESTING
@@ -85,6 +86,8 @@ class _DictReader:
                 continue
             location = self.at([*path, key])
             value = self.value(entry, [*path, key])
+            if is_mesh(value) and node.plugin.lower() != "mesh":
+                value = self.mesh(value, [*path, key])
             node.properties.append(Property(key, value, location, location))
 
     def at(self, path: list[str]) -> Location:
@@ -95,17 +98,19 @@ class _DictReader:
         location = self.at(path)
         if isinstance(entry, Mapping):
             return self.typed(entry, path)
-        if isinstance(entry, bool | np.bool_):
-            return bool(entry)
-        if isinstance(entry, int | np.integer):
-            if abs(int(entry)) > sys.float_info.max:
-                raise SceneError("the number is too large", location)
-            return int(entry)
-        if isinstance(entry, float | np.floating):
-            return float(entry)
-        if isinstance(entry, str | Path):
-            return str(entry)
-        return _array_value(entry)
+        value = plain(entry, location)
+        if isinstance(value, int) and abs(value) > sys.float_info.max:
+            raise SceneError("the number is too large", location)
+        return value if isinstance(value, bool | int | float | str) else _array_value(value)
+
+    def mesh(self, mesh: Content, path: list[str]) -> Node:
+        """A shape of a mesh that stands for itself in a dict."""
+        location = self.at(path)
+        prop = Property("mesh", mesh, location, location)
+        node = Node("shape", "mesh", location, location, path[0] if len(path) == 1 else "", [prop])
+        assert self.tree is not None
+        self.tree.nodes.append(node)
+        return node
 
     def typed(self, entry: Mapping[str, Any], path: list[str]) -> Value:
         """A colour, a reference, or an object, by its "type"."""
@@ -120,7 +125,7 @@ class _DictReader:
         if kind_of_value == "ref":
             return Reference(str(entry.get("id", "")))
         if kind_of_value in ("rgb", "srgb") and "value" in entry:
-            return _rgb(entry["value"], location, srgb=kind_of_value == "srgb")
+            return _rgb(_plain(entry["value"], location), location, srgb=kind_of_value == "srgb")
         if kind_of_value == "spectrum":
             return _spectrum(entry, location)
         name = str(entry.get("id", path[0] if len(path) == 1 else ""))
@@ -143,6 +148,11 @@ class _DictReader:
         close = nearest(plugin, known)
         hint = did_you_mean(plugin, known) if close else ""
         raise SceneError(f'unknown plugin "{plugin}"{hint}', location)
+
+
+def _plain(entry: Content, location: Location) -> Content:
+    """A value within a value; a dict is no mistake of another library's."""
+    return entry if isinstance(entry, Mapping) else plain(entry, location)
 
 
 def _array_value(entry: Content) -> Value:
@@ -183,9 +193,9 @@ def _small(value: Content) -> Content:
 
 
 def _spectrum(entry: Mapping[str, Any], location: Location) -> Value:
-    if isinstance(entry.get("filename"), str):
-        return SpectrumFile(entry["filename"])
-    value = entry.get("value")
+    if "filename" in entry:
+        return SpectrumFile(str(_plain(entry["filename"], location)))
+    value = _plain(entry.get("value", ""), location)
     try:
         if isinstance(value, int | float) and not isinstance(value, bool):
             return Spectrum((float(value),))

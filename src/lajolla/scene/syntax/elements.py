@@ -47,21 +47,26 @@ def _attribute_places(data: bytes, start: int) -> Iterator[tuple[bytes, int]]:
         yield found.group(1), found.start(2) + 1
 
 
-def read_source(path: Path, name: str, diagnostics: Diagnostics) -> Source:
-    """Reads a scene file as text of whatever encoding it is in.
+def read_source(path: Path, diagnostics: Diagnostics, data: bytes | None = None) -> Source:
+    """Reads a scene file, or takes its bytes, as text of whatever encoding it is in.
 
     Raises:
         SceneError: the file is missing, is no regular file, or cannot be read or decoded.
     """
-    source = Source(name, b"", path.parent)
+    source = Source(str(path), b"", path.parent)
+    if data is None:
+        data = _bytes_of(path, source)
+    source.data = _to_utf8(data, source, diagnostics)
+    return source
+
+
+def _bytes_of(path: Path, source: Source) -> bytes:
     if not path.is_file():
         raise SceneError("no such file" if not path.exists() else "not a file", Location(source))
     try:
-        data = file_bytes(path)
+        return file_bytes(path)
     except OSError as problem:
         raise SceneError(f"cannot be read: {problem.strerror}", Location(source)) from None
-    source.data = _to_utf8(data, source, diagnostics)
-    return source
 
 
 def _to_utf8(data: bytes, source: Source, diagnostics: Diagnostics) -> bytes:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+
+from lajolla.messages import LajollaWarning
 
 EXCERPT_WIDTH = 100
 MOST_WARNINGS = 1000  # that differ
@@ -22,7 +24,7 @@ class Source:
     """
 
     name: str
-    data: bytes
+    data: bytes = field(repr=False)
     directory: Path
     version: tuple[int, int, int] = (3, 0, 0)
     quoted: bool = True
@@ -84,9 +86,33 @@ class SceneError(Exception):
     """A scene that cannot be read; `str()` is the full message with place, excerpt and caret."""
 
     def __init__(self, message: str, location: Location | None = None) -> None:
-        super().__init__(format_message("error", message, location))
+        super().__init__(message, location)
         self.message = message
         self.location = location
+
+    def __str__(self) -> str:
+        return format_message("error", self.message, self.location)
+
+
+class SceneWarning(LajollaWarning):
+    """Something in a scene that is not rendered as written; the first of `count` places that say so.
+
+    `str()` is the full message with place, excerpt and caret.
+    """
+
+    def __init__(self, message: str, location: Location | None = None, count: int = 1) -> None:
+        super().__init__(message, location, count)
+        self.message = message
+        self.location = location
+        self.count = count
+
+    def __str__(self) -> str:
+        more = f" ({self.count} times)" if self.count > 1 else ""
+        return format_message("warning", self.message + more, self.location)
+
+    def __repr__(self) -> str:
+        place = f", at {self.location}" if self.location else ""
+        return f"<SceneWarning: {self.message}{place}>"
 
 
 @contextmanager
@@ -118,19 +144,6 @@ def reason_of(problem: Exception) -> str:
     return text if told else f"{type(problem).__name__}: {text}".rstrip(": ")
 
 
-@dataclass(frozen=True)
-class SceneWarning:
-    """Something in a scene that is not rendered as written; the first of `count` places that say so."""
-
-    message: str
-    location: Location | None = None
-    count: int = 1
-
-    def __str__(self) -> str:
-        more = f" ({self.count} times)" if self.count > 1 else ""
-        return format_message("warning", self.message + more, self.location)
-
-
 @dataclass
 class Diagnostics:
     """Collects warnings. With `strict`, what a scene asks for and cannot have is an error."""
@@ -143,7 +156,7 @@ class Diagnostics:
         """Notes something that is rendered in another way than the file might suggest."""
         known = self.collected.get(message)
         if known:
-            self.collected[message] = replace(known, count=known.count + 1)
+            known.count += 1
         elif len(self.collected) >= MOST_WARNINGS:
             self.untold += 1
         else:

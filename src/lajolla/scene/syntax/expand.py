@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -31,20 +31,41 @@ class Document:
     search_paths: list[Path]
 
 
-def expand_file(path: Path, parameters: Mapping[str, str], diagnostics: Diagnostics) -> Document:
+class UnknownParameter(Exception):
+    """A parameter that must be one of the scene's, and is not."""
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        super().__init__(name)
+        self.name = name
+        self.known = sorted(known)  # what the scene has
+
+
+def expand_file(
+    path: Path,
+    parameters: Mapping[str, str],
+    diagnostics: Diagnostics,
+    *,
+    data: bytes | None = None,
+    required_names: Container[str] = (),
+) -> Document:
     """Reads a scene file, and all that it includes, with parameters filled in.
 
     Args:
         path: the scene file.
         parameters: values for `$name`; they win over the file's own defaults.
+        data: what is in the file, where it need not be opened.
+        required_names: of parameters that the scene must have; others are warned about.
 
     Raises:
         SceneError: a file is missing or malformed, or includes itself.
+        UnknownParameter: the scene does not have one that it must have.
     """
     expander = _Expander(dict(parameters), diagnostics, path.parent)
-    root = expander.file(path, [], None)
+    root = expander.file(path, [], None, data)
     for name in sorted(set(parameters) - expander.used):
         known = expander.used | expander.defaults.keys()
+        if name in required_names:
+            raise UnknownParameter(name, known)
         diagnostics.unknown(f'parameter "{name}" is not used{did_you_mean(name, known)}', root.location)
     return Document(root, [*expander.search_paths, path.parent])
 
@@ -68,8 +89,10 @@ class _Expander:
         for name in self.parameters:
             self._note(name)
 
-    def file(self, path: Path, including: list[Path], parent: Source | None) -> Element:
-        source = read_source(path, str(path), self.diagnostics)
+    def file(
+        self, path: Path, including: list[Path], parent: Source | None, data: bytes | None = None
+    ) -> Element:
+        source = read_source(path, self.diagnostics, data)
         source.quoted = parent is None or self._is_own(path)
         root = parse_xml(source)
         source.version = _version(root, source, parent, self.diagnostics)

@@ -47,11 +47,8 @@ def _sobol(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, An
     return {"type": "sobol", "sample_count": 4, **kept}
 
 
-def _independent(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "independent", "sample_count": 4, **values}
-
-
-# How Mitsuba's samplers arrange their points. There is one arrangement here, which serves all of them.
+# How Mitsuba's samplers arrange their points. Here all of them mean the arrangement with the least noise:
+# most scenes name `independent` because it is Mitsuba's default. The option `sampler` chooses for certain.
 SAME = "no difference: points are those of sobol"
 POINTS = {
     "jitter": Field("jitter", "boolean", SAME, True),
@@ -59,7 +56,8 @@ POINTS = {
     "dimension": Field("dimension", "integer", SAME, 4, 0),
     "scramble": Field("scramble", "integer", SAME, -1),
 }
-LOW_DISCREPANCY = {
+SAMPLERS = {
+    "independent": (),
     "stratified": ("jitter", "dimension"),
     "multijitter": ("jitter",),
     "orthogonal": ("jitter", "strength"),
@@ -80,9 +78,8 @@ PLUGINS = (
         for name in ("perspective", "thinlens")
     ),
     Plugin("sampler", "sobol", "", (POINTS["scramble"],), _sobol, model="sobol"),
-    Plugin("sampler", "independent", "", (), _independent, model="independent"),
     *(
         Plugin("sampler", name, "The same as sobol.", tuple(POINTS[p] for p in points), _sobol, model="sobol")
-        for name, points in LOW_DISCREPANCY.items()
+        for name, points in SAMPLERS.items()
     ),
 )

@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     values.pop("filename", None)
     raw, gamma = values.pop("raw", False), values.pop("gamma", -1.0)
-    channel, data = values.pop("channel", ""), values.pop("data", None)
+    channel = values.pop("channel", "")
+    arrays = [values.pop(name) for name in ("data", "bitmap") if name in values]
     encoded = not (raw or gamma == 1 or is_alpha(channel))
-    if data is not None:
-        pixels, is_integer = _from_array(node, data, channel)
+    if arrays:
+        pixels, is_integer = _from_array(node, arrays[0], channel)
         image = _image(builder, pixels, gamma, encoded=encoded and is_integer)
     else:
         path, location = builder.find(node)
@@ -133,6 +134,7 @@ PLUGINS = (
             Field(
                 "data", "image", "from Python: an array (height, width, 1 to 4), read as a file of its type"
             ),
+            Field("bitmap", "image", "from Python: the same"),
         ),
         _bitmap,
         model="bitmap",

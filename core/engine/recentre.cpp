@@ -1,0 +1,171 @@
+#include "engine/recentre.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/describe.h"
+
+namespace lajolla {
+
+namespace {
+
+using Matrix = std::array<std::array<double, 4>, 4>;
+
+// A number as descriptions hold it; none where it is something else, which reading it refuses.
+std::optional<double> number_of(const Value &value) {
+    if (const auto *number = value.get_if<double>()) return *number;
+    if (const auto *integer = value.get_if<std::int64_t>()) return static_cast<double>(*integer);
+    return std::nullopt;
+}
+
+template <class Item, std::size_t n>
+bool read_all(const Value &source, std::array<Item, n> &result, auto &&read) {
+    const List *const list = source.get_if<List>();
+    return list && list->size() == n &&
+           std::equal(list->begin(), list->end(), result.begin(),
+                      [&](const Value &given, Item &item) { return read(given, item); });
+}
+bool read_number(const Value &source, double &number) {
+    const auto given = number_of(source);
+    number = given.value_or(0);
+    return given.has_value();
+}
+bool read_point(const Value &source, Point &point) { return read_all(source, point, read_number); }
+bool read_matrix(const Value &source, Matrix &matrix) {
+    return read_all(source, matrix, [](const Value &row, std::array<double, 4> &numbers) {
+        return read_all(row, numbers, read_number);
+    });
+}
+
+Value value_of(const auto &numbers) { return List(numbers.begin(), numbers.end()); }
+
+Point difference(Point a, const Point &b) {
+    for (std::size_t axis = 0; axis < 3; ++axis) a[axis] -= b[axis];
+    return a;
+}
+
+// An entry with other values under some keys.
+Dict with(const Dict &entry, const Dict &changed) {
+    Dict result;
+    for (const auto &[key, value] : entry)
+        if (!changed.contains(key)) result.add(key, value);
+    for (const auto &[key, value] : changed) result.add(key, value);
+    return result;
+}
+
+// A point that an entry holds, the origin where it holds none.
+Point point_at(const Dict &entry, const char *key) {
+    Point point{};
+    if (const Value *const given = entry.find(key)) read_point(*given, point);
+    return point;
+}
+
+// An entry with a transform, and perhaps with points that are placed by it, the first of which becomes the
+// origin.
+Dict placed(const Dict &entry, const Point &centre, std::initializer_list<const char *> points = {}) {
+    Matrix m{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}};
+    const Value *const given = entry.find("to_world");
+    if (given && !read_matrix(*given, m)) return entry; // it will be refused
+    const Point anchor = points.size() ? point_at(entry, *points.begin()) : Point{};
+    for (std::size_t row = 0; row < 3; ++row)
+        m[row][3] += m[row][0] * anchor[0] + m[row][1] * anchor[1] + m[row][2] * anchor[2] - centre[row];
+    List rows;
+    for (const auto &row : m) rows.push_back(value_of(row));
+    Dict changed{{"to_world", std::move(rows)}};
+    for (const char *const key : points)
+        if (entry.contains(key)) changed.add(key, value_of(difference(point_at(entry, key), anchor)));
+    return with(entry, changed);
+}
+
+Dict moved_point(const Dict &entry, const char *key, const Point &centre) {
+    return with(entry, {{key, value_of(difference(point_at(entry, key), centre))}});
+}
+
+Dict moved_shape(const Dict &entry, const Point &centre) {
+    if (entry.contains("center")) return placed(entry, centre, {"center"});                       // sphere
+    if (entry.contains("p0") && entry.contains("p1")) return placed(entry, centre, {"p0", "p1"}); // cylinder
+    return placed(entry, centre);
+}
+
+// Of lights around the scene there is nothing to move, and area lights are where their shapes are.
+Dict moved_light(const Dict &entry, const Point &centre) {
+    std::string type;
+    if (const Value *const given = entry.find("type")) Described<std::string>::read(*given, type);
+    if (type == "point") return moved_point(entry, "position", centre);
+    return type == "spot" || type == "projector" ? placed(entry, centre) : entry;
+}
+
+Dict moved_sensor(const Dict &entry, const Point &centre) {
+    const Dict result = placed(entry, centre);
+    return entry.contains("target") ? moved_point(result, "target", centre) : result;
+}
+
+// What move(entry, index) makes of the entries of a list.
+Value moved_all(const Value &list, auto &&move) {
+    const List *const entries = list.get_if<List>();
+    if (!entries) return list;
+    List result;
+    for (const Value &entry : *entries) {
+        const Dict *const dict = entry.get_if<Dict>();
+        result.push_back(dict ? Value(move(*dict, result.size())) : entry);
+    }
+    return result;
+}
+
+// Whether shapes are parts of groups, whose instances are moved instead.
+std::vector<bool> members(const Dict &description) {
+    std::vector<bool> result;
+    for_each_entry(description, "groups", [&](const Dict &group, const std::string &) {
+        const Value *const given = group.find("shapes");
+        const List *const indices = given ? given->get_if<List>() : nullptr;
+        if (!indices) return;
+        for (const Value &index : *indices)
+            if (const auto id = read_integer(index, 0, 1 << 30)) {
+                result.resize(std::max(result.size(), static_cast<std::size_t>(*id) + 1));
+                result[static_cast<std::size_t>(*id)] = true;
+            }
+    });
+    return result;
+}
+
+} // namespace
+
+std::optional<Point> far_centre(const Bounds &scene) {
+    if (scene.empty()) return std::nullopt;
+    Point middle{};
+    double farthest = 0, squared = 0;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        const double low = scene.low[axis], high = scene.high[axis];
+        middle[axis] = (low + high) / 2;
+        farthest = std::max(farthest, std::abs(middle[axis]));
+        squared += (high - low) * (high - low) / 4;
+    }
+    const double size = std::max(std::sqrt(squared), farthest * 0x1p-24); // what floats told
+    constexpr double near_enough = 16;
+    if (!(farthest > near_enough * size)) return std::nullopt;
+    const double step = std::exp2(std::ceil(std::log2(4 * size)));
+    for (double &x : middle) x = std::round(x / step) * step;
+    return middle;
+}
+
+Dict recentred(const Dict &description, const Point &centre) {
+    const auto place = [&](const Dict &entry, std::size_t) { return placed(entry, centre); };
+    const std::vector<bool> is_member = members(description);
+    const auto move_shape = [&](const Dict &entry, std::size_t index) {
+        return index < is_member.size() && is_member[index] ? entry : moved_shape(entry, centre);
+    };
+    const auto move_light = [&](const Dict &entry, std::size_t) { return moved_light(entry, centre); };
+
+    Dict result;
+    for (const auto &[key, value] : description) {
+        if (key == "shapes") result.add(key, moved_all(value, move_shape));
+        else if (key == "emitters") result.add(key, moved_all(value, move_light));
+        else if (key == "instances" || key == "volumes") result.add(key, moved_all(value, place));
+        else if (const Dict *const sensor = key == "sensor" ? value.get_if<Dict>() : nullptr)
+            result.add(key, sensor->contains("type") ? moved_sensor(*sensor, centre) : *sensor);
+        else result.add(key, value);
+    }
+    return result;
+}
+
+} // namespace lajolla

@@ -1,0 +1,45 @@
+"""What users of the package are told: warnings, by way of Python's `warnings`, and wrong options."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import sys
+import warnings
+from collections.abc import Callable, Collection
+from typing import TypeVar
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+
+class LajollaWarning(UserWarning):
+    """Something that is not done as it was asked for; Python's `warnings` shows it or filters it."""
+
+
+def warn(warning: LajollaWarning) -> None:
+    """Gives a warning to Python's `warnings`, with the line outside of the package that is at work."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "lajolla":
+        level, frame = level + 1, frame.f_back
+    warnings.warn(warning, stacklevel=level)
+
+
+def suggestion(name: str, known: Collection[str]) -> str:
+    """'; did you mean ...?' or the list of what there is."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else f"; there is {', '.join(known)}"
+
+
+def names_checked(function: Function) -> Function:
+    """Lets a function answer an unknown option with the nearest one that it has, as a TypeError."""
+    code = function.__code__  # type: ignore[attr-defined]
+    known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+
+    @functools.wraps(function)
+    def checked(*values: object, **options: object) -> object:
+        for name in options.keys() - known:
+            options_of = [word for word in known if word != "self"]
+            raise TypeError(f"{function.__qualname__}() has no option {name!r}{suggestion(name, options_of)}")
+        return function(*values, **options)
+
+    return checked  # type: ignore[return-value]

@@ -1,0 +1,136 @@
+"""What a rendering leaves: pictures in files or on standard output, and statistics."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import sys
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TextIO
+
+from lajolla.arguments import STREAMS
+from lajolla.display import say
+from lajolla.film import Film
+from lajolla.image import Image, check_output, check_space
+from lajolla.loading import Scene
+from lajolla.picture_files import ImageError, ImageWarning
+from lajolla.picture_formats import ENDINGS, HOLD_CHANNELS, ending_of
+from lajolla.render import Rendering
+from lajolla.whole_files import Target, check_folder, replacing
+
+
+@dataclass(frozen=True)
+class Output:
+    """A picture to be written; "-" is standard output."""
+
+    path: Path
+    format: str | None = None  # counts where the ending of the path tells none
+
+    def __str__(self) -> str:
+        return "standard output" if self.is_standard else str(self.path)
+
+    @property
+    def is_standard(self) -> bool:
+        return str(self.path) == "-"
+
+    @property
+    def target(self) -> Target:
+        return sys.stdout.buffer if self.is_standard else self.path
+
+    @property
+    def named_format(self) -> str | None:
+        """The format, where it does not follow from the path."""
+        return None if self.path.suffix.lower() in ENDINGS else self.format
+
+    @property
+    def holds_channels(self) -> bool:
+        return ending_of(self.path, self.named_format) in HOLD_CHANNELS
+
+    def check(self) -> None:
+        """Raises ImageError where it cannot be written."""
+        if self.is_standard and sys.stdout.isatty():
+            raise ImageError("standard output is a terminal, which shows no pictures; redirect it to a file")
+        if self.is_standard and self.format is None:
+            raise ImageError("a picture on standard output needs --format, such as --format png")
+        check_output(self.target, self.named_format)
+
+    def check_space(self, scene: Scene) -> None:
+        """Raises ImageError where the disk may be too full for a picture of the scene."""
+        if not self.is_standard:
+            channels = 3 + len(scene.core.channels)
+            check_space(self.path, scene.width, scene.height, channels, self.named_format)
+
+    def save(self, picture: Image, *, exposure: float, half: bool) -> None:
+        picture.save(self.target, format=self.named_format, exposure=exposure, half=half)
+
+
+def outputs_of(arguments: argparse.Namespace, film: Film | None = None) -> list[Output]:
+    """The pictures that a command line asks for, each once; those that are not named follow from the film."""
+    paths = list(dict.fromkeys(arguments.outputs or []))
+    if film is not None and not paths:
+        endings = [f".{arguments.format.lower()}"] if arguments.format else film.endings
+        paths = [Path(arguments.scene.stem + arguments.suffix + ending) for ending in endings]
+    return [Output(path, arguments.format) for path in paths]
+
+
+def check(arguments: argparse.Namespace) -> None:
+    """What would fail after hours of rendering fails now. Raises ImageError."""
+    if arguments.format is not None:
+        ending_of(None, arguments.format)
+    for output in outputs_of(arguments):
+        output.check()
+    if arguments.stats is not None and str(arguments.stats) not in STREAMS:
+        check_folder(arguments.stats)
+
+
+def write_pictures(outputs: Sequence[Output], picture: Image, arguments: argparse.Namespace) -> None:
+    """Writes all that can be written, then raises the first error."""
+    errors = []
+    if arguments.tonemap is not None:
+        picture.film = replace(picture.film, tonemap_method=arguments.tonemap)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ImageWarning)
+        for output in outputs:
+            try:
+                output.save(picture, exposure=arguments.exposure, half=arguments.half)
+            except ImageError as error:
+                errors.append(error)
+    for warning in caught:
+        say(f"warning: {warning.message}")
+    if errors:
+        raise errors[0]
+
+
+def statistics(scene: Scene, rendering: Rendering) -> dict[str, Any]:
+    """What --stats writes; `samples` counts camera paths, in all pixels together."""
+    samples = rendering.samples * scene.width * scene.height
+    seconds = max(rendering.seconds, 1e-9)
+    unit = 1 if sys.platform == "darwin" else 1024  # of ru_maxrss
+    return {
+        "width": scene.width,
+        "height": scene.height,
+        "samples_per_pixel": rendering.samples,
+        "threads": rendering.threads,
+        "load_seconds": scene.load_seconds,
+        "build_seconds": scene.build_seconds,
+        "render_seconds": rendering.seconds,
+        "samples": samples,
+        "samples_per_second": samples / seconds,
+        "rays_per_second": rendering.accumulator.rays / seconds,
+        "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit,
+        "nonfinite_samples": rendering.accumulator.nonfinite,
+    }
+
+
+def write_statistics(path: Path, stats: dict[str, Any]) -> None:
+    text = json.dumps(stats, indent=2) + "\n"
+    if str(path) in STREAMS:  # opening these anew would cut off a file that they lead to
+        stream: TextIO = getattr(sys, STREAMS[str(path)])
+        stream.write(text)
+    else:
+        with replacing(path) as temporary:
+            temporary.write_text(text)

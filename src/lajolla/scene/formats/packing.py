@@ -1,0 +1,47 @@
+"""Compressed parts of volume files."""
+
+from __future__ import annotations
+
+import shlex
+import struct
+import sys
+import zlib
+
+from .voxels import VoxelError
+
+# Packed data of a size that a file tells becomes so many bytes at most, and so many more for each packed one.
+SMALL_UNPACKED = 1 << 24
+MOST_PACKING = 64
+BLOSC_HEADER = struct.Struct("<4xI8x")  # of a chunk: flags, its size unpacked, sizes of its parts
+BROKEN = "its compressed data is broken"
+
+
+def check_packing(size: int, packed: int) -> None:
+    """Raises VoxelError where so many bytes would become far too many."""
+    if size > SMALL_UNPACKED + MOST_PACKING * packed:
+        wanted = f"its compressed data would take {size >> 20:,} MiB"
+        raise VoxelError(f"{wanted}, more than {MOST_PACKING} times the file")
+
+
+def inflated(block: bytes, size: int) -> bytes:
+    """Data compressed by zlib, cut after so many bytes and one. Raises VoxelError."""
+    try:
+        return zlib.decompressobj().decompress(block, size + 1)
+    except zlib.error:
+        raise VoxelError(BROKEN) from None
+
+
+def unpacked_by_blosc(chunk: bytes) -> bytes:
+    """A chunk of Blosc, whose header tells its size. Raises VoxelError."""
+    try:
+        import blosc  # needed by such files alone
+    except ImportError:
+        command = f"{shlex.quote(sys.executable)} -m pip install blosc"
+        raise VoxelError(f"it is compressed with Blosc; to read it: {command}") from None
+    if len(chunk) < BLOSC_HEADER.size:
+        raise VoxelError(BROKEN)
+    check_packing(BLOSC_HEADER.unpack_from(chunk)[0], len(chunk))
+    try:
+        return blosc.decompress(chunk)
+    except Exception:  # whatever the module raises, the data is at fault
+        raise VoxelError(BROKEN) from None

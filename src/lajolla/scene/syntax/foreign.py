@@ -1,0 +1,65 @@
+"""Objects of other libraries in scene dicts: what they offer by common protocols, or a refusal.
+
+No library is imported for that. Paths have `__fspath__`; arrays, tensors and pictures `__array__` or one of
+its kin; transforms a `matrix`; meshes `vertices` and `faces`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .errors import Location, SceneError, reason_of
+
+ARRAYS = ("__array__", "__array_interface__", "__dlpack__")
+# Modes of PIL's pictures whose numbers are no colours, or others than red, green and blue.
+INDIRECT_MODES = ("1", "P", "PA", "CMYK", "YCbCr", "LAB", "HSV", "RGBX", "La", "RGBa")
+
+
+def plain(value: Any, location: Location) -> Any:  # noqa: ANN401
+    """A value that is no dict as a number, string or array; lists, meshes and our own objects as they are.
+
+    Raises:
+        SceneError: it is none of these, or does not give what it promises.
+    """
+    if isinstance(value, bool | int | float | str | np.ndarray) or type(value).__module__ == "lajolla._core":
+        result = value
+    elif isinstance(value, os.PathLike):
+        result = os.fsdecode(value)
+    elif isinstance(value, Sequence) and not isinstance(value, bytes | bytearray | memoryview):
+        result = value
+    elif any(hasattr(type(value), name) for name in ARRAYS) or isinstance(value, np.generic | memoryview):
+        result = _array(value, location)
+    elif hasattr(value, "matrix"):
+        result = _array(value.matrix, location)
+    elif is_mesh(value):
+        result = value
+    else:
+        what = "nothing (None)" if value is None else f"an object of the type {type_name(value)}"
+        raise SceneError(f"{what} cannot be part of a scene", location)
+    single = isinstance(result, np.ndarray) and result.ndim == 0
+    return result.item() if single else result
+
+
+def is_mesh(value: object) -> bool:
+    """Whether an object of another library is a triangle mesh, such as those of trimesh."""
+    return hasattr(value, "vertices") and hasattr(value, "faces") and not isinstance(value, np.ndarray)
+
+
+def type_name(value: object) -> str:
+    kind = type(value)
+    return kind.__qualname__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__qualname__}"
+
+
+def _array(value: Any, location: Location) -> np.ndarray[Any, Any]:  # noqa: ANN401
+    try:
+        if getattr(value, "mode", None) in INDIRECT_MODES and hasattr(value, "convert"):
+            value = value.convert("RGB")
+        lacks_array = not any(hasattr(value, name) for name in ARRAYS[:2]) and hasattr(value, "__dlpack__")
+        return np.from_dlpack(value) if lacks_array else np.asarray(value)
+    except Exception as problem:  # whatever the other library raises
+        what = f"the {type_name(value)} cannot become an array"
+        raise SceneError(f"{what}: {reason_of(problem)}", location) from None
