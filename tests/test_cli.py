@@ -106,7 +106,7 @@ def test_an_output_named_twice_is_written_once(capsys: Capture) -> None:
     assert "wrote a.pfm (" in capsys.readouterr().err
 
 
-def test_what_a_format_cannot_hold_is_told_once(capsys: Capture) -> None:
+def test_what_a_format_cannot_hold_is_problem_once(capsys: Capture) -> None:
     assert cli.main("render room.xml -o a.exr -o a.png --half --quiet -D level=1e6".split()) == 0
     error = capsys.readouterr().err
     assert error.startswith("lajolla: warning: a.exr: ")
@@ -565,7 +565,7 @@ def test_a_format_for_names_without_one() -> None:
 # --- messages
 
 
-def test_warnings_are_told_once(capsys: Capture) -> None:
+def test_warnings_are_problem_once(capsys: Capture) -> None:
     Path("room.xml").write_text(UNKNOWN)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

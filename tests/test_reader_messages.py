@@ -356,7 +356,7 @@ CHECKERBOARD = '<texture type="checkerboard" name="eta"/>'
         ),
     ],
 )
-def test_told_and_rendered_otherwise(tmp_path: Path, body: str, message: str) -> None:
+def test_problem_and_rendered_otherwise(tmp_path: Path, body: str, message: str) -> None:
     assert message in "\n".join(messages(read(tmp_path, body), tmp_path))
 
 
@@ -393,7 +393,7 @@ def test_a_constant_texture_is_a_number(tmp_path: Path) -> None:
     assert '<float name="alpha" value="0.25"' in convert(path, tmp_path / "new.xml").text
 
 
-def test_other_plugins_properties_are_not_told_one_by_one(tmp_path: Path) -> None:
+def test_other_plugins_properties_are_not_problem_one_by_one(tmp_path: Path) -> None:
     body = SPHERE.format('<bsdf type="irawan"><float name="metallic" value="1"/></bsdf>')
     assert len(messages(read(tmp_path, body), tmp_path)) == 1
 

@@ -51,8 +51,8 @@ struct Curves : NeverLight {
 private:
     // The middle of a tube, its radius, and their derivatives along a segment.
     struct Spine {
-        Vec3f center, tangent, bend; // c, c', c''
-        float radius, growth;        // r, r'
+        Vec3f center, tangent, second; // c, c', c''
+        float radius, growth;          // r, r'
     };
     Spine spine(std::uint32_t segment, float v) const;
 };

@@ -111,8 +111,8 @@ struct CoatingOf {
         Rgb<Float> passed(const Side &o, const Side &i) const {
             const Float through = o.through * i.through;
             if (!any(max_component(absorption) > 0.0f)) return Rgb<Float>(through);
-            const Float ways = 1 / o.inner.z + 1 / i.inner.z;
-            const auto left = [&](Float a) { return through * select(a > 0.0f, exp(-a * ways), Float(1)); };
+            const Float length = 1 / o.inner.z + 1 / i.inner.z;
+            const auto left = [&](Float a) { return through * select(a > 0.0f, exp(-a * length), Float(1)); };
             return {left(absorption.x), left(absorption.y), left(absorption.z)};
         }
         // The probability of sampling the layer.

@@ -158,7 +158,7 @@ inline void Measurement::check(const MeasuredTables &t) {
     require(t.colour, 3 * slices, "colour");
 }
 
-// Half of the area of a GGX surface has a slope below alpha: the median slope tells how wide the lobe is.
+// Half of the area of a GGX surface has a slope below alpha: the median slope measures the width of the lobe.
 inline float Measurement::roughness_of(const MeasuredTables::Square &ndf) {
     const auto width = static_cast<std::size_t>(ndf.grid.width),
                height = static_cast<std::size_t>(ndf.grid.height);

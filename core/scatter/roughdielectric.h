@@ -219,7 +219,7 @@ struct RoughDielectric {
         check_indices(int_ior, ext_ior);
         if (int_ior == ext_ior)
             throw std::invalid_argument(
-                "int_ior and ext_ior must differ: a rough boundary bends no light at " +
+                "int_ior and ext_ior must differ: a rough boundary does not refract light at " +
                 std::to_string(int_ior) + " on both sides");
         if (!multiscatter) return;
         if (!(alpha_u == alpha_v)) // total reflection makes the loss a function that tables do not hold

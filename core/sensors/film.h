@@ -78,8 +78,8 @@ struct GaussianFilter {
 
 struct MitchellFilter {
     static constexpr const char *name = "mitchell";
-    static constexpr const char *doc =
-        "Mitchell and Netravali's cubic (1988): sharper than a bell, with small negative lobes.";
+    static constexpr const char *doc = "Mitchell and Netravali's cubic (1988): preserves more detail than a "
+                                       "Gaussian, with small negative lobes.";
     float b = 1.0f / 3, c = 1.0f / 3;
     static constexpr auto fields() {
         return std::tuple(field("B", &MitchellFilter::b, "blurring"),

@@ -23,7 +23,7 @@ struct Flight {
     float pdf = 1;                     // of coming to the end: of all that did not happen
 };
 
-// A place near a surface, more finely than coordinates can tell it: light enters a dense medium no deeper
+// A position near a surface, with more precision than coordinates have: light enters a dense medium no deeper
 // than a few ulps of them. Here the surface is a plane, and the medium is the same everywhere.
 class NearSurface {
 public:
@@ -132,7 +132,7 @@ public:
         return result;
     }
 
-    // Surfaces tell which medium a ray is in that leaves them.
+    // The surface determines the medium of a ray that leaves it.
     void cross(const Hit<float> &hit, const Vec3f &direction) {
         if (hit.interior >= 0 || hit.exterior >= 0)
             current = dot(hit.normal, direction) > 0 ? hit.exterior : hit.interior;

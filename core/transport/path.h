@@ -7,7 +7,8 @@
 //
 // and a path grows from the camera, one vertex after the other: `emitted` gathers Le where the path hits
 // light, `direct` estimates the part of the integral that comes straight from lights by sampling these, and
-// `scatter` samples wi for all the rest. Light found both ways is weighted by multiple importance sampling.
+// `scatter` samples wi for all the rest. Light found by both techniques is weighted by multiple importance
+// sampling.
 //
 // The pieces are templates over the number type. Depth first, in this file, they follow one path to its end,
 // through surfaces and media; transport/wavefront.h lets them do a vertex of many paths at once, with the

@@ -222,7 +222,7 @@ def _add_render(parser: Parser) -> None:
     group.add_argument(
         "--format",
         metavar="NAME",
-        help="exr, png, ...: of outputs whose name does not tell",
+        help="exr, png, ...: format of outputs without a known ending",
     )
     group.add_argument(
         "--all-sensors",
@@ -290,7 +290,7 @@ def _add_completion(parser: Parser) -> None:
 
 
 def _numbers(text: str, separator: str, form: str, *, lowest: Sequence[int]) -> tuple[int, ...]:
-    """Integers with their least values; `form` tells the user what was expected."""
+    """Integers with their least values; `form` describes the expected format."""
     try:
         values = tuple(int(part) for part in text.split(separator))
     except ValueError:
@@ -354,7 +354,7 @@ def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list
 
 
 def _refuse_devices(arguments: argparse.Namespace, count: int) -> None:
-    """They have room for one picture, and pipes for one file of any kind."""
+    """Standard output takes one picture, a pipe one file of any kind."""
     found = [
         path
         for path in arguments.outputs or []

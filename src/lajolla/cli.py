@@ -76,7 +76,7 @@ def _run_command(arguments: argparse.Namespace) -> int:
 
 
 def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Scene:
-    """Opens the scene of a command line, or another one with its options; tells no warnings."""
+    """Opens the scene of a command line, or another one with its options; prints no warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", lajolla.LajollaWarning)
         return lajolla.load(
@@ -96,7 +96,7 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
 
 
 def _scene(arguments: argparse.Namespace) -> Path | BinaryIO:
-    """The scene's file, or what standard input has told, which can be read once only."""
+    """The scene's file, or the content of standard input, which can be read only once."""
     if str(arguments.scene) != "-":
         return arguments.scene
     if arguments.standard_input is None:

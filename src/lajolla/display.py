@@ -100,7 +100,7 @@ def coloured(message: str, stream: TextIO) -> str:
 
 
 def shows_colours(stream: TextIO) -> bool:
-    """Whether a stream is a terminal with colours; the environment can tell otherwise, NO_COLOR first."""
+    """Whether a stream is a terminal with colours; environment variables override it, NO_COLOR first."""
     if os.environ.get("NO_COLOR"):
         return False
     return bool(os.environ.get("FORCE_COLOR")) or (stream.isatty() and os.environ.get("TERM") != "dumb")

@@ -43,7 +43,7 @@ class Image:
     """A rendered picture: linear RGB in `array`, float32 of shape (height, width, 3), first row on top.
 
     What else was rendered is in `channels`, by name: float32 of shape (height, width); "A" is alpha. `film`
-    tells how the picture is written.
+    determines how the picture is written.
     """
 
     @names_checked

@@ -90,7 +90,7 @@ class Scene:
             spp: samples per pixel; the scene's own number by default.
             seed: of the sampler; the scene's own by default.
             threads: all that this process may use by default.
-            observe: is told the progress about ten times a second.
+            observe: is called with the progress about ten times a second.
         """
         rendering = self.rendering(spp=spp, seed=seed, threads=threads)
         rendering.run(observe)
@@ -127,7 +127,7 @@ def load(
 ) -> Scene:
     """Opens a Mitsuba scene file.
 
-    Python's `warnings` tell what is not rendered as written, each as a SceneWarning; the scene keeps them.
+    What is not rendered as written is reported with `warnings`, as SceneWarnings; the scene keeps them.
 
     Args:
         path: the XML file, or a binary file object to read it from. Other files are beside it, or in the
@@ -139,7 +139,7 @@ def load(
             other name is a parameter that the file must have.
 
     Raises:
-        SceneError: something is wrong with the scene; the message tells where.
+        SceneError: the scene has an error; the message contains the location.
         OptionError: an option does not fit the scene.
         TypeError: there is no such option or parameter.
     """

@@ -1,4 +1,4 @@
-"""What users of the package are told: warnings, by way of Python's `warnings`, and wrong options."""
+"""Messages to users of the package: Python warnings, and errors in options."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class Output:
     """A picture to be written; "-" is standard output."""
 
     path: Path
-    format: str | None = None  # counts where the ending of the path tells none
+    format: str | None = None  # used if the path has no known ending
 
     def __str__(self) -> str:
         return "standard output" if self.is_standard else str(self.path)
@@ -128,7 +128,7 @@ def statistics(scene: Scene, rendering: Rendering) -> dict[str, Any]:
 
 def write_statistics(path: Path, stats: dict[str, Any]) -> None:
     text = json.dumps(stats, indent=2) + "\n"
-    if str(path) in STREAMS:  # opening these anew would cut off a file that they lead to
+    if str(path) in STREAMS:  # reopening these would truncate a redirected file
         stream: TextIO = getattr(sys, STREAMS[str(path)])
         stream.write(text)
     else:

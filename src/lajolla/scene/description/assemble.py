@@ -145,7 +145,7 @@ def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
 
 
 def _warn_of_unseen_media(builder: Builder, integrator: str, camera: dict[str, Any], sensor: Node) -> None:
-    """Media that the integrator ignores, and one that the camera stands in without a word about it."""
+    """Warns about media that the integrator ignores, and about a camera in a medium that it does not name."""
     if not builder.media:
         return
     if integrator in WITHOUT_MEDIA:
@@ -158,7 +158,7 @@ def _warn_of_unseen_media(builder: Builder, integrator: str, camera: dict[str, A
     for i, shape in enumerate(builder.shapes):
         if shape.get("interior", -1) >= 0 and is_inside(shape, eye):
             message = (
-                f"the camera stands in the medium of this shape, but {sensor} does not name it, so "
+                f"the camera is inside the medium of this shape, but {sensor} does not name it, so "
                 "camera rays start outside the medium; add it to the sensor"
             )
             builder.diagnostics.warn(message, builder.places[f"shapes[{i}]"])

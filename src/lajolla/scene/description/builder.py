@@ -32,13 +32,13 @@ from ..syntax.nodes import Node, Property
 from .outputs import Picture
 from .plugins import READER_PLUGINS
 from .plugins.films import Layer
-from .substitutes import DROPPED, NESTED, in_words_of_substitute, misspelt, substitute_for
+from .substitutes import DROPPED, NESTED, for_substitute, misspelt, substitute_for
 from .values import convert
 
 # Objects that a scene can do without: one whose file is missing is left out.
 DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
 
-MOST_WAYS = 32  # settings with which one file is read
+MOST_SETTINGS = 32  # settings with which one file is read
 MOST_LOOKUPS = 1024  # that one texture may take
 
 # Lists of the description whose entries other entries name by index.
@@ -129,7 +129,7 @@ class Builder:
     places: dict[str, Location] = field(default_factory=dict)  # of entries: "shapes[3]"
     pictures: Budget = field(default_factory=Budget)
     sky_pixels: int = 0  # of the pictures of skies
-    ways: dict[Path, int] = field(default_factory=dict)  # in which files are read
+    settings: dict[Path, int] = field(default_factory=dict)  # number of settings each file is read with
     files: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # meshes and images are read once
 
     # Files
@@ -150,14 +150,14 @@ class Builder:
         return find_file(prop.value, self.directories(prop.location), prop.location), prop.location
 
     def reading(self, path: Path, location: Location) -> None:
-        """Counts in how many ways a file is read, of which each takes memory.
+        """Counts the settings with which a file is read; each takes memory.
 
         Raises:
             SceneError: they are too many.
         """
-        self.ways[path] = self.ways.get(path, 0) + 1
-        if self.ways[path] > MOST_WAYS:
-            raise SceneError(f'"{path}" is used with more than {MOST_WAYS} different settings', location)
+        self.settings[path] = self.settings.get(path, 0) + 1
+        if self.settings[path] > MOST_SETTINGS:
+            raise SceneError(f'"{path}" is used with more than {MOST_SETTINGS} different settings', location)
 
     # Plugins
 
@@ -185,7 +185,7 @@ class Builder:
             return None
 
     def known(self, node: Node) -> Node | None:
-        """The node itself where there is a plugin of that name, or what stands in for it, with a warning."""
+        """The node itself if its plugin is known, else its replacement, with a warning."""
         if self.plugin(node) is not None:
             return node
         names = self.table.get(node.kind, {})
@@ -203,14 +203,14 @@ class Builder:
         kept, lost = node.properties, []
         if name != misspelt(node, names):  # what another plugin has is no mistake of the file's
             known = {f.name for f in plugin.fields}
-            properties = in_words_of_substitute(node)
+            properties = for_substitute(node)
             kept = [p for p in properties if p.name in known or is_child(p.value, plugin)]
             lost = [p for p in properties if p not in kept]
         self._tell_substitute(node, f'"{plugin.name}" is used', lost)
         return Node(node.kind, plugin.name, node.location, node.plugin_location, node.id, kept)
 
     def _tell_substitute(self, node: Node, used: str, lost: Iterable[Property] = ()) -> None:
-        """Tells what is used in place of an unknown plugin, and which of its properties are not."""
+        """Reports what replaces an unknown plugin, and which of its properties are lost."""
         harmless = HARMLESS.get(node.kind, ())
         names = [f'"{p.name}"' if p.name else f"the {p.value}" for p in lost if p.name not in harmless]
         without = f", without {', '.join(names)}" if names else ""
@@ -240,12 +240,12 @@ class Builder:
         return field.type in TEXTURED or not isinstance(self.texture(texture), dict)
 
     def tell_texture(self, node: Node, name: str) -> None:
-        """Tells of a texture where the node's plugin can only take a constant."""
+        """Reports a texture for a parameter that must be constant."""
         message = f'"{name}" of {node} takes no texture; the default is used'
         self.diagnostics.unknown(message, node.property_location(name))
 
     def tell_unknown(self, node: Node, prop: Property, fields: Iterable[str]) -> None:
-        """Tells of a property that is no field of the node's plugin."""
+        """Reports a property that the plugin does not have."""
         if prop.name:
             problem = f'{node} has no property "{prop.name}"{did_you_mean(prop.name, fields)}'
         else:

@@ -107,7 +107,7 @@ def _position(scene: Node, wanted: int | str) -> int:
 
 
 def tell_of_none(builder: Builder, scene: Node) -> None:
-    """Tells that a scene has no camera, and of one inside of a shape, which is no camera here.
+    """Reports that a scene has no camera, and cameras inside shapes, which are not supported.
 
     Raises:
         SceneError: the file is of version 2 or newer.

@@ -117,7 +117,7 @@ def _placed(group: Node, added: dict[Node, int], placed: dict[Node, int]) -> int
 def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
     """What a group holds; it is built once."""
     if group not in builder.built:
-        builder.construct(group)  # tells what it has no use for
+        builder.construct(group)  # warns about unknown properties
         builder.built[group] = _build(builder, group, add_shape)
     return builder.built[group]
 
@@ -172,5 +172,5 @@ def _add_light(builder: Builder, light: Node, matrix: Array, add_shape: AddShape
 
 
 def keeps_sides(shape: dict[str, Any]) -> bool:
-    """Whether a mirror leaves the sides as they are: it turns those that the order of vertices tells."""
+    """Whether a mirror leaves the sides as they are: it flips those that depend on the vertex order."""
     return shape["type"] != "mesh" or not (shape["mesh"].normals is None or shape.get("face_normals"))

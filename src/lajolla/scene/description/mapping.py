@@ -12,7 +12,7 @@ MAPPED = ("bitmap", "checkerboard", "gridtexture")  # where on a texture a point
 
 
 def warn_of_missing_coordinates(builder: Builder) -> None:
-    """Tells of every shape that has none, although a texture on it needs them."""
+    """Warns about shapes without texture coordinates whose textures need them."""
     needing: dict[int, bool] = {}  # materials
     for i, shape in enumerate(builder.shapes):
         if shape["type"] != "sdfgrid" and not ("mesh" in shape and shape["mesh"].uvs is None):

@@ -47,7 +47,7 @@ def colours(name: str, entry: Entry, recorded: str = "rgb") -> tuple[Channel, ..
 
 
 def description_of(picture: Picture, *, alpha: bool) -> dict[str, Any]:
-    """The part of a description that tells what is rendered; every integrator in it runs once per sample.
+    """The part of a description that defines what is rendered; every integrator in it runs once per sample.
 
     Args:
         picture: what is wanted.

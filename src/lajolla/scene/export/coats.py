@@ -1,4 +1,4 @@
-"""Coatings in the words of Mitsuba 3, which has none: plastic, or a mirror on part of what is inside.
+"""Coatings for Mitsuba 3, which has none: plastic, or a blend of a mirror and the base.
 
 As here (`core/scatter/coating.h`), light that the layer reflects back to its base is lost. A mean share is
 taken away, for any direction; around a rough base more is lost at grazing angles, hence BRIGHTER.

@@ -1,4 +1,4 @@
-"""Instances in the words of Mitsuba 3, whose shape groups hold neither groups nor lights."""
+"""Instances for Mitsuba 3, whose shape groups contain neither groups nor lights."""
 
 from __future__ import annotations
 

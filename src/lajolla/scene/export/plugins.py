@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from ..description.plugins.daylight import in_words_of_mitsuba3
+from ..description.plugins.daylight import for_mitsuba3
 from ..formats.volumes import read_voxels
 from ..formats.voxels import vol_bytes
 from ..syntax.nodes import Node, Property, Rgb, Value
@@ -436,7 +436,7 @@ def _daylight(translator: Translator, read: Node, node: Node) -> Node | None:
     values = translator.builder.values(read, plugin)
     if values.get("extend") or values.get("stretch", 1.0) > 1:
         translator.warn(node, f"Mitsuba 3 does not extend {node} below the horizon")
-    written = in_words_of_mitsuba3(translator.builder, read, values)
+    written = for_mitsuba3(translator.builder, read, values)
     empty = Node("emitter", "sunsky", node.location, node.plugin_location, node.id)
     return None if written is None else having(empty, **written)
 

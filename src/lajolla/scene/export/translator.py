@@ -1,4 +1,4 @@
-"""A scene's nodes in the words of Mitsuba 3: the plugins, properties and files that it has.
+"""Translates nodes to plugins, properties and files that Mitsuba 3 supports.
 
 What Mitsuba 3 lacks is replaced by what comes nearest, with a warning, as this renderer does where it lacks
 something itself.
@@ -153,7 +153,7 @@ class Translator:
 
     @contextmanager
     def _telling(self, node: Node) -> Iterator[None]:
-        """Tells in one warning what becomes of an object, and which of its properties are lost."""
+        """Reports in one warning what replaces an object, and which properties it loses."""
         lost = Losses()
         self.losses.append(lost)
         try:
@@ -236,7 +236,7 @@ class Translator:
         return Node(node.kind, name, node.location, node.plugin_location, node.id, kept)
 
     def warn(self, node: Node, message: str) -> None:
-        """Tells of something that is not written as it was read."""
+        """Reports something that is not written as it was read."""
         self.builder.diagnostics.warn(message, node.location)
 
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:

@@ -140,8 +140,8 @@ def reason_of(problem: Exception) -> str:
     text = next(iter(str(problem).splitlines()), "")
     if isinstance(problem, KeyError):
         return f"{text} is missing"
-    told = isinstance(problem, ValueError | RuntimeError) and text
-    return text if told else f"{type(problem).__name__}: {text}".rstrip(": ")
+    clear = isinstance(problem, ValueError | RuntimeError) and text
+    return text if clear else f"{type(problem).__name__}: {text}".rstrip(": ")
 
 
 @dataclass
@@ -150,7 +150,7 @@ class Diagnostics:
 
     strict: bool = False
     collected: dict[str, SceneWarning] = field(default_factory=dict)
-    untold: int = 0  # beyond MOST_WARNINGS
+    suppressed: int = 0  # beyond MOST_WARNINGS
 
     def warn(self, message: str, location: Location | None = None) -> None:
         """Notes something that is rendered in another way than the file might suggest."""
@@ -158,7 +158,7 @@ class Diagnostics:
         if known:
             known.count += 1
         elif len(self.collected) >= MOST_WARNINGS:
-            self.untold += 1
+            self.suppressed += 1
         else:
             self.collected[message] = SceneWarning(message, location)
 
@@ -171,7 +171,7 @@ class Diagnostics:
     @property
     def warnings(self) -> list[SceneWarning]:
         """The warnings in the order in which they were met."""
-        more = [SceneWarning(f"there are {self.untold} more warnings")] if self.untold else []
+        more = [SceneWarning(f"there are {self.suppressed} more warnings")] if self.suppressed else []
         return [*self.collected.values(), *more]
 
 
@@ -180,7 +180,7 @@ def nearest(name: str, valid: Iterable[str]) -> str | None:
     return _nearest(name.lower(), tuple(sorted(valid))) if len(name) <= LONGEST_NAME else None
 
 
-@lru_cache(1024)  # a mistake is seldom made once
+@lru_cache(1024)  # a mistake is often repeated
 def _nearest(name: str, valid: tuple[str, ...]) -> str | None:
     by_lower = {v.lower(): v for v in valid}
     found = difflib.get_close_matches(name, by_lower, n=1, cutoff=0.6)

@@ -217,7 +217,7 @@ class _Expander:
         return ""
 
     def _pattern(self) -> re.Pattern[str]:
-        """Matches what may be parameters; names with other characters than ordinary ones have to be told."""
+        """Matches possible parameters; names with unusual characters must be known."""
         return _pattern_of(tuple(sorted(self.unusual, key=len, reverse=True)))
 
     def _define(self, name: str, value: str) -> None:

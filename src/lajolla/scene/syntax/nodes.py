@@ -84,7 +84,7 @@ Value: TypeAlias = Union[
 
 @dataclass
 class Property:
-    """A named value of a node. `name` is empty for children that are told apart by their kind."""
+    """A named value of a node. `name` is empty for children that are identified by their kind."""
 
     name: str
     value: Value

@@ -107,7 +107,7 @@ def _object(kind: str, element: Element, tree: Tree, diagnostics: Diagnostics) -
 
 
 def _check_attributes(element: Element, diagnostics: Diagnostics) -> None:
-    """Tells of attributes that mean nothing in an element, or in the operations of a transform."""
+    """Reports unknown attributes of elements and of transform operations."""
     known = ATTRIBUTES.get(element.tag.lower(), OBJECT_ATTRIBUTES)
     for name in element.attributes:
         if name not in known:

@@ -58,8 +58,8 @@ def _filter(passing: float) -> Callable[[Builder, Node, dict[str, Any]], Slot]:
             share = passing
         else:
             clear = tuple(passing * c for c in clear)
-        pane = {"type": "thindielectric", "int_ior": 1.0, "ext_ior": 1.0, "specular_transmittance": clear}
-        plate: MaterialId = builder.add_once("bsdfs", pane, node)
+        sheet = {"type": "thindielectric", "int_ior": 1.0, "ext_ior": 1.0, "specular_transmittance": clear}
+        plate: MaterialId = builder.add_once("bsdfs", sheet, node)
         if share < 1:
             plate = builder.adapt(node, "blendbsdf", {"weight": share}, first=BLACK, second=plate)
         return Slot(plate)

@@ -132,7 +132,7 @@ def _sun_light(values: dict[str, Any], to_world: Array, sun: Array, scale: float
     ]
 
 
-def in_words_of_mitsuba3(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any] | None:
+def for_mitsuba3(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any] | None:
     """The properties of a `sunsky` of Mitsuba 3 that shines alike; None at night."""
     to_world, sun = _place(builder, node, values)
     if sun is None:

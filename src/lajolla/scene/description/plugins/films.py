@@ -114,9 +114,7 @@ def _formats(*names: str) -> Field:
 
 
 def _pixels(default: str) -> Field:
-    return Field(
-        "pixel_format", "string", f"{', '.join(PIXEL_FORMATS)}; alpha tells where something is", default
-    )
+    return Field("pixel_format", "string", f"{', '.join(PIXEL_FORMATS)}; alpha is the coverage", default)
 
 
 HDR_FIELDS = (

@@ -121,7 +121,7 @@ STEPS = 1024  # of the table of colours over temperatures
 FILE = (
     Field("filename", "string", "a .vol, .nvdb or .vdb file"),
     Field("grid_name", "string", "which grid of a .nvdb or .vdb file", "density"),
-    Field("use_grid_bbox", "boolean", "the box that the file tells, not the unit cube (.vol: off)", False),
+    Field("use_grid_bbox", "boolean", "use the box of the file instead of the unit cube (.vol: off)", False),
     Field("min", "vector", "with max: the box to fill, instead of the unit cube"),
     Field("max", "vector", "with min"),
     Field("data", "grid", "from Python: an array (depth, height, width[, 1, 3 or 6]) instead of a file"),
