@@ -56,7 +56,7 @@ struct TriangleMesh {
 
 struct Sphere {
     static constexpr const char *name = "sphere";
-    static constexpr const char *doc = "A true sphere; to_world must scale alike in all directions.";
+    static constexpr const char *doc = "A sphere; to_world must scale uniformly.";
     Vec3f center{0};
     float radius = 1;
     Transform to_world;

@@ -17,7 +17,7 @@ namespace lajolla {
 
 struct ConstantLight {
     static constexpr const char *name = "constant";
-    static constexpr const char *doc = "Light of the same radiance from all around the scene.";
+    static constexpr const char *doc = "A constant environment light.";
     Spectrum radiance{1};
 
     static constexpr auto fields() {

@@ -36,7 +36,7 @@ struct CoatingOf {
                 .range(least_index, largest_index),
             field("ext_ior", &CoatingOf::ext_ior, "index of refraction outside")
                 .range(least_index, largest_index),
-            field("distribution", &CoatingOf::distribution, "statistics of the microfacets"),
+            field("distribution", &CoatingOf::distribution, "microfacet distribution"),
             field("alpha", &CoatingOf::alpha, "roughness of the layer; 0 is smooth").range(0));
     }
     BsdfTraits traits() const {

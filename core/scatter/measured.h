@@ -180,7 +180,7 @@ inline float Measurement::roughness_of(const MeasuredTables::Square &ndf) {
 
 struct Measured {
     static constexpr const char *name = "measured";
-    static constexpr const char *doc = "A material as a goniophotometer saw it (Dupuy and Jakob 2018).";
+    static constexpr const char *doc = "A measured material (Dupuy and Jakob 2018).";
     std::shared_ptr<const Measurement> measurement;
 
     static constexpr auto fields() {

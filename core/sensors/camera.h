@@ -147,7 +147,7 @@ private:
 
 struct RadianceMeter {
     static constexpr const char *name = "radiancemeter";
-    static constexpr const char *doc = "One ray, along +z: every pixel shows what it carries.";
+    static constexpr const char *doc = "Radiance along one ray in the direction +z.";
     Transform to_world;
 
     static constexpr auto fields() {

@@ -168,7 +168,7 @@ struct ScaledTexture {
 
 struct ClampedTexture {
     static constexpr const char *name = "clamped";
-    static constexpr const char *doc = "A texture whose values are brought between two limits.";
+    static constexpr const char *doc = "A texture clamped to a range.";
     Texture<Spectrum> texture{Spectrum(1)};
     float low = 0, high = 1;
 

@@ -16,7 +16,7 @@ ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .m"
 GENERAL = """\
 examples:
   lajolla render scene.xml                  writes scene.exr and scene.png
-  lajolla check scene.xml                   what is in it, and every warning
+  lajolla check scene.xml                   statistics and warnings, without rendering
   lajolla render --help                     the options of a command
 
 Errors end with exit code 1, interrupts with 130. Messages on a terminal are coloured, unless NO_COLOR is set;
@@ -31,11 +31,11 @@ examples:
   lajolla render scene.xml --pixel 10,20              the radiance of one pixel
   lajolla render - -o - --format png < scene.xml > picture.png
 
-Ctrl-C stops and saves the samples that are there.""",
+Ctrl-C stops rendering and saves the samples so far.""",
     "check": """\
 examples:
   lajolla check scene.xml
-  lajolla check --all folder                which scenes below a folder open
+  lajolla check --all folder                every scene below a folder
   lajolla check scene.xml --json            for programs""",
     "convert": """\
 examples:
@@ -186,21 +186,23 @@ def _add_file(parser: Parser) -> argparse._ArgumentGroup:
 def _add_scene(parser: Parser) -> None:
     group = _add_file(parser)
     group.add_argument("--two-sided", action="store_true", help="opaque surfaces reflect on both sides")
-    group.add_argument(
-        "--sensor", metavar="N|ID", help="which of several sensors: its number, from 0, or its id"
-    )
+    group.add_argument("--sensor", metavar="N|ID", help="sensor to render: its number, from 0, or its id")
     group = parser.add_argument_group("picture")
-    group.add_argument("--size", type=_size, metavar="WxH", help="size of the film; drops the scene's crop")
+    group.add_argument(
+        "--size", type=_size, metavar="WxH", help="size of the film; removes the scene's crop window"
+    )
     group.add_argument("--crop", type=_crop, metavar="X,Y,W,H", help="render only this window of the film")
     group.add_argument("--spp", type=_positive, metavar="N", help="samples per pixel")
     group.add_argument("--seed", type=_natural, metavar="N", help="seed of the sampler")
     group.add_argument(
         "--sampler",
         choices=("sobol", "independent"),
-        help="points to sample with; sobol, which has the least noise, whatever the scene names",
+        help="sampler, instead of sobol, which has the least noise",
     )
     group.add_argument(
-        "--integrator", metavar="NAME", help="in place of the scene's (lajolla list integrator)"
+        "--integrator",
+        metavar="NAME",
+        help="integrator to use instead of the scene's (lajolla list integrator)",
     )
     group.add_argument("--max-depth", type=_depth, metavar="N", help="longest path in segments; -1: no limit")
 
@@ -227,7 +229,7 @@ def _add_render(parser: Parser) -> None:
     group.add_argument(
         "--all-sensors",
         action="store_true",
-        help="a picture for each sensor; files have its id or number after their name",
+        help="render one picture per sensor; its id or number is appended to file names",
     )
     group.add_argument("--half", action="store_true", help="16-bit instead of 32-bit EXR")
     group.add_argument(
@@ -240,7 +242,7 @@ def _add_render(parser: Parser) -> None:
     group.add_argument(
         "--tonemap",
         choices=("gamma", "reinhard"),
-        help="in place of the film's: exposure alone, or all of the range (Reinhard et al. 2002)",
+        help="tone mapping instead of the film's: exposure only, or Reinhard et al. 2002",
     )
     group = parser.add_argument_group("run")
     group.add_argument("--threads", type=_positive, metavar="N", help="number of threads (default: all)")
@@ -249,7 +251,7 @@ def _add_render(parser: Parser) -> None:
         "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
     )
     group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
-    group.add_argument("--sample", type=_natural, metavar="N", help="with --pixel: of this sample alone")
+    group.add_argument("--sample", type=_natural, metavar="N", help="with --pixel: only this sample")
 
 
 def _add_check(parser: Parser) -> None:
@@ -267,7 +269,7 @@ def _add_convert(parser: Parser) -> None:
     parser.add_argument(
         "--pack",
         action="store_true",
-        help="write all meshes as PLY into OUT's own folder of files instead of naming those of SCENE",
+        help="copy all meshes as PLY into the folder of OUT instead of referring to those of SCENE",
     )
 
 
@@ -286,7 +288,9 @@ def _add_list(parser: Parser) -> None:
 
 
 def _add_completion(parser: Parser) -> None:
-    parser.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh"), help="the shell to write for")
+    parser.add_argument(
+        "shell", choices=("bash", "zsh", "fish", "tcsh"), help="shell to generate the script for"
+    )
 
 
 def _numbers(text: str, separator: str, form: str, *, lowest: Sequence[int]) -> tuple[int, ...]:

@@ -178,19 +178,21 @@ COMMON = (
     Field("latitude", "float", "north of the equator", 35.6894, -90.0, 90.0, "degrees"),
     Field("longitude", "float", "east of Greenwich", 139.6917, -360.0, 360.0, "degrees"),
     Field("timezone", "float", "by which the clock is ahead of universal time", 9.0, -24.0, 24.0, "hours"),
-    Field("stretch", "float", "draws the sky below the horizon: 1 not at all, 2 all the way", 1.0, 1.0, 2.0),
+    Field(
+        "stretch", "float", "stretches the sky below the horizon: 1 not at all, 2 to the nadir", 1.0, 1.0, 2.0
+    ),
     Field("scale", "float", "factor on the light", 1.0, 0.0),
     Field("up", "choice", "the axis towards the zenith, before to_world", "z", choices=("y", "z")),
 )
 SKY = (
     Field("albedo", "spectrum", "of the ground", 0.3, 0.0, 1.0),
     Field("resolution", "integer", "width of the image of the sky", 512, 4, WIDEST, "pixels"),
-    Field("extend", "boolean", "the sky goes on below the horizon", False),
+    Field("extend", "boolean", "extend the sky below the horizon", False),
 )
 SUN = (
     Field("sun_aperture", "float", "angle of the sun's diameter", SUN_DIAMETER, 0.0, 179.0, "degrees"),
     Field("sun_radius_scale", "float", "factor on the sun's size, not on its light", 1.0, 0.0, 1e4),
-    Field("sun_model", "choice", "who measured the sun", "hosek", choices=("hosek", "preetham")),
+    Field("sun_model", "choice", "model of the sun's radiance", "hosek", choices=("hosek", "preetham")),
 )
 SCALES = (
     Field("sun_scale", "float", "factor on the sun, instead of scale", 1.0, 0.0),
