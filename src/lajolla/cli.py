@@ -24,13 +24,13 @@ from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Runs one command line (by default the process's own) and returns its exit code."""
+    """Runs a command line (by default that of the process) and returns the exit code."""
     with safe_messages():
         return _reported(lambda: _run_command(_parsed(sys.argv[1:] if words is None else words)))
 
 
 def _reported(action: Callable[[], int], missing: str = "nothing was written") -> int:
-    """Does it; an error is one message and exit code 1, and an interrupt says what is missing."""
+    """Runs a command; errors become one message and exit code 1, interrupts report what is incomplete."""
     with handled_by(partial(end_at_once, message=missing)):
         try:
             return action()
@@ -60,7 +60,7 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
 
 
 def _run_command(arguments: argparse.Namespace) -> int:
-    """Runs a command; an error in a scene, an option or a picture is one message."""
+    """Runs a command; an error of a scene, option or picture becomes one message."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy would start threads that spin for nothing
     # This loads the renderer, outside of the block whose handlers need it: the user may interrupt already.
     refusals = (lajolla.OptionError, lajolla.ImageError, lajolla._core.DescriptionError)
@@ -155,7 +155,7 @@ def _save(
     rendering: lajolla.Rendering,
     arguments: argparse.Namespace,
 ) -> None:
-    """Writes all that a render was asked for."""
+    """Writes all outputs of a render."""
     lajolla.outputs.write_pictures(outputs, rendering.image(), arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
@@ -164,7 +164,7 @@ def _save(
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
-    """Renders what can be rendered, until an interrupt; an error names its sensor."""
+    """Renders all sensors until an interrupt; errors name the sensor."""
     names = lajolla.scene.sensor_names(_scene(arguments), parameters=dict(arguments.parameters))
     commands = for_each_sensor(arguments, names)
     for command in commands:
@@ -229,7 +229,7 @@ def command_convert(arguments: argparse.Namespace) -> int:
 
 
 def _write_export(target: Path, result: lajolla.scene.Export) -> None:
-    """Writes all files under other names before the first takes its place: old and new ones do not fit."""
+    """Writes all files under temporary names before renaming the first: old and new files do not match."""
     for folder in {Path(name).parent for name in result.files}:
         (target.parent / folder).mkdir(exist_ok=True)
     replacing = lajolla.whole_files.replacing

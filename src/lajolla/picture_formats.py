@@ -1,4 +1,4 @@
-"""The formats of pictures that can be written, by the endings of their names."""
+"""Supported picture formats by file ending."""
 
 from __future__ import annotations
 

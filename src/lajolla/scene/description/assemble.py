@@ -1,4 +1,4 @@
-"""A resolved scene to a whole description: what goes where, and what is there when a scene says nothing."""
+"""Assembles the description from a resolved scene, with defaults for missing objects."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _default_filter(film: Node) -> str:
 
 
 def _output(builder: Builder, integrator: Node) -> dict[str, Any]:
-    """What is rendered: the picture's integrator, and channels beside it."""
+    """The integrators and channels of the description."""
     builder.places["integrator"] = integrator.location
     description = description_of(builder.picture(integrator), alpha=builder.film.has_alpha)
     for index, _ in enumerate(description.get("other_integrators", ())):
@@ -117,7 +117,7 @@ def _implied(parent: Node, kind: str, plugin: str) -> Node:
 
 
 def _integrator(builder: Builder, scene: Node) -> Node:
-    """The scene's integrator, or the one asked for with the parameters in the file that it has too."""
+    """The scene's integrator, or the requested one with those parameters of the file that it supports."""
     node = _only(builder, scene, "integrator")
     if builder.integrator is None:
         return node or _default_integrator(builder, scene)
@@ -139,7 +139,7 @@ def _default_integrator(builder: Builder, scene: Node) -> Node:
 
 
 def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
-    """In files before 2.0 a camera that sees everything; newer files must have one."""
+    """In files before 2.0, a camera that sees the whole scene; newer files must have one."""
     cameras.tell_of_none(builder, scene)
     return default_camera(builder.shapes, builder.groups, builder.instances)
 
@@ -230,7 +230,7 @@ def _add_missing_light(builder: Builder, scene: Node) -> None:
 
 
 def _add_shape(builder: Builder, node: Node) -> list[int]:
-    """Adds what a shape is to the scene; the indices of shapes, none for what is no shape itself."""
+    """Adds the shapes of a node to the scene; their indices, none for groups and instances."""
     entry = builder.construct(node)
     if entry is None:
         return []

@@ -1,4 +1,4 @@
-"""The cameras of a scene: which there are, and through which one it is seen."""
+"""The cameras of a scene, and the selection of one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DEFAULT_WIDTH = 768  # of a film
 
 
 def spread(scene: Node, diagnostics: Diagnostics) -> None:
-    """Puts the cameras inside of every `batch` in its place, in the scene's node."""
+    """Replaces every `batch` by its cameras in the scene's node."""
     own = scene.outermost("sensor")
     properties: list[Property] = []
     for prop in scene.properties:
@@ -77,7 +77,7 @@ def names(scene: Node) -> tuple[str, ...]:
 
 
 def chosen(builder: Builder, scene: Node) -> Node | None:
-    """The camera that was asked for by number or id, or the first; in files before 2.0 the last.
+    """The camera requested by number or id, or the first; in files before 2.0, the last.
 
     Raises:
         SceneError: there is no camera of that number or id.

@@ -1,4 +1,4 @@
-"""Whether a point is inside of a shape."""
+"""Tests whether a point is inside a shape."""
 
 from __future__ import annotations
 

@@ -25,19 +25,19 @@ AddShape = Callable[[Builder, Node], list[int]]
 
 @dataclass
 class Contents:
-    """What a shape group holds: placed groups of the description, and shapes that are lights."""
+    """Contents of a shape group: groups of the description with transforms, and emitting shapes."""
 
     groups: list[tuple[Array, int]]
     lights: list[tuple[Array, Node]]
 
     def extend(self, matrix: Array, inner: Contents) -> None:
-        """Adds what a group inside this one holds."""
+        """Adds the contents of a nested group."""
         self.groups += [(matrix @ placed, group) for placed, group in inner.groups]
         self.lights += [(matrix @ placed, light) for placed, light in inner.lights]
 
 
 def add_instance(builder: Builder, node: Node, add_shape: AddShape) -> None:
-    """Adds what an instance shows to the description.
+    """Adds an instance to the description.
 
     Light sampling has no instances: shapes that are lights are added once for every place.
 
@@ -65,7 +65,7 @@ def group_of(builder: Builder, node: Node) -> Node:
 
 
 def check_size(scene: Node) -> None:
-    """Counts what the shapes of a scene will be, instances and all, before any is made.
+    """Counts the objects that a scene's shapes and instances will create, before creating them.
 
     Raises:
         SceneError: they are too many.
@@ -115,7 +115,7 @@ def _placed(group: Node, added: dict[Node, int], placed: dict[Node, int]) -> int
 
 
 def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
-    """What a group holds; it is built once."""
+    """The contents of a group, built once."""
     if group not in builder.built:
         builder.construct(group)  # warns about unknown properties
         builder.built[group] = _build(builder, group, add_shape)

@@ -1,4 +1,4 @@
-"""Textures that meet shapes without texture coordinates."""
+"""Checks that textured shapes have texture coordinates."""
 
 from __future__ import annotations
 

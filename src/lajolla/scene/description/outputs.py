@@ -1,4 +1,4 @@
-"""What integrators show: a picture, and channels beside it with names of their own."""
+"""The outputs of integrators: the picture and named channels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Entry = dict[str, Any]  # an integrator of the core
 
 @dataclass(frozen=True)
 class Channel:
-    """A channel beside red, green and blue: a component of what an integrator finds, or alpha."""
+    """A channel beside red, green and blue: a component of an integrator's result, or alpha."""
 
     label: str
     entry: Entry
@@ -35,7 +35,7 @@ class Picture:
     channels: tuple[Channel, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raises ValueError for more channels than anybody looks at: nested integrators double them."""
+        """Raises ValueError if there are too many channels: nested integrators double them."""
         if len(self.channels) > MOST_CHANNELS:
             raise ValueError(f"more than {MOST_CHANNELS} channels")
 
@@ -75,7 +75,7 @@ def description_of(picture: Picture, *, alpha: bool) -> dict[str, Any]:
 
 
 def repeated(labels: Iterable[str]) -> str | None:
-    """A label that is there twice."""
+    """A label that is used twice."""
     seen: set[str] = set()
     for label in labels:
         if label in seen:

@@ -54,7 +54,7 @@ OTHERWISE = {
 
 
 def misspelt(node: Node, available: Iterable[str]) -> str | None:
-    """The name that an unknown one is taken for; integrators and samplers have names that only look alike."""
+    """The name of which an unknown one is a misspelling; those of integrators and samplers are too similar."""
     if not node.plugin or node.kind in ("integrator", "sampler"):
         return None
     return nearest(node.plugin, [*available, *SUBSTITUTES.get(node.kind, {})])

@@ -1,4 +1,4 @@
-"""One property to the value that the core takes for a field."""
+"""Conversion of a property to the value that the core expects."""
 
 from __future__ import annotations
 

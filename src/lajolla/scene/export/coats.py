@@ -64,7 +64,7 @@ def _coated(translator: Translator, coat: Node, inner: Node) -> Node:
 
 
 def _plastic(translator: Translator, coat: Node, reflectance: Property | None) -> Node:
-    """Without what Mitsuba adds for light that comes back from the layer more than once."""
+    """Without the interreflections inside the layer that Mitsuba's plastic adds."""
     kept = 1 - _mean_reflectance(1 / _eta(coat))  # what leaves of the diffuse light within
     colour: Value = Rgb((0.5,) * 3) if reflectance is None else reflectance.value
     if not isinstance(colour, Rgb):
@@ -106,7 +106,7 @@ def _absorbs(coat: Node) -> bool:
 
 
 def _passed(translator: Translator, coat: Node) -> tuple[float, ...]:
-    """What light keeps on a straight way through the layer and back."""
+    """Transmittance of the layer along its normal, in both directions."""
     sigma, thickness = (
         getattr(coat.find("sigma_a"), "value", Rgb((0.0,) * 3)),
         _number(coat, "thickness", 1.0),
@@ -127,7 +127,7 @@ def _number(node: Node, name: str, default: float) -> float:
 
 
 def _mean_reflectance(eta: float) -> float:
-    """Of even light: Fresnel's reflectance, by the midpoint rule over the squared cosine."""
+    """Fresnel reflectance for diffuse illumination, by the midpoint rule over the squared cosine."""
     return sum(_fresnel(math.sqrt((i + 0.5) / STEPS), eta) for i in range(STEPS)) / STEPS
 
 

@@ -101,7 +101,7 @@ def _renamed(node: Node, plugin: str, *without: str, **values: Value) -> Node:
 
 
 def _map(translator: Translator, read: Node, node: Node) -> Node | None:
-    """The texture under the name that Mitsuba has for it; the reader takes any, and does without."""
+    """The texture under Mitsuba's name; our reader accepts any name, or none."""
     name = "normalmap" if node.plugin == "normalmap" else "map"
     textures = [child for _, child in node.children("texture")]
     given = textures[0] if textures else getattr(node.find(name), "value", None)
@@ -113,7 +113,7 @@ def _map(translator: Translator, read: Node, node: Node) -> Node | None:
 
 
 def _mixture(translator: Translator, read: Node, node: Node) -> Node | None:
-    """A sum of bsdfs as nested pairs; what the weights leave over is black."""
+    """A weighted sum of bsdfs as nested blends; the remaining weight is black."""
     weights = _numbers(node, "weights")
     parts = [prop.value for prop, _ in node.children("bsdf")][: len(weights)]
     total = max(1.0, sum(weights))
@@ -138,7 +138,7 @@ def holding(node: Node, *children: Value, name: str = "") -> Node:
 
 
 def named(node: Node, name: str) -> Node:
-    """The node under another id; one that has an id already is kept by it."""
+    """The node with this id, unless it already has one."""
     if node.id or not name:
         return node
     return Node(node.kind, node.plugin, node.location, node.plugin_location, name, node.properties)
@@ -273,7 +273,7 @@ def _sensor(translator: Translator, read: Node, node: Node) -> Node | None:
 
 
 def _without(translator: Translator, node: Node, *names: str) -> Node:
-    """The node without what Mitsuba 3 has no word for, which is warned about."""
+    """The node without properties that Mitsuba 3 does not support, with a warning."""
     translator.lose(*(name for name in names if node.find(name) is not None))
     return _renamed(node, node.plugin, *names)
 

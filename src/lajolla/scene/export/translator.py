@@ -55,7 +55,7 @@ CONSTANTS = {plugin.name for plugin in colours.PLUGINS}
 
 @dataclass
 class Losses:
-    """What one object is replaced by, if it is, and the names of properties that it loses."""
+    """The replacement of an object, and the names of the properties it loses."""
 
     used: str = ""
     names: list[str] = field(default_factory=list)
@@ -105,7 +105,7 @@ class Translator:
         return Property("", self.node(node), root.location, root.location)
 
     def node(self, node: Node) -> Node | None:
-        """The node in Mitsuba 3's words; None when it is ignored."""
+        """The node for Mitsuba 3; None if it is omitted."""
         if node not in self.done:
             known = self.builder.known(node)
             try:
@@ -215,7 +215,7 @@ class Translator:
         return written
 
     def _fill_copies(self, scene: Node) -> None:
-        """Copies files that the written scene names; of meshes that are packed it does not."""
+        """Copies the files of the written scene, except packed meshes."""
         names = {p.value for node in below([scene]) for p in node.properties if isinstance(p.value, str)}
         for name, path in self.copied.items():
             if name in names:
@@ -224,7 +224,7 @@ class Translator:
                 del self.packed[name]
 
     def nearest(self, node: Node) -> Node | None:
-        """What comes nearest to a plugin that Mitsuba 3 does not have."""
+        """The closest plugin that Mitsuba 3 supports."""
         name = NEAREST.get((node.kind, node.plugin.lower()), OTHERWISE.get(node.kind, ""))
         self.replaced(node, f'"{name}" is written' if name else "it is ignored")
         if not name:
@@ -257,7 +257,7 @@ class Translator:
     # Shapes
 
     def shapes(self, node: Node) -> list[Node]:
-        """A shape under its own name where Mitsuba 3 makes the same of it, else as the meshes that it is."""
+        """The shape itself if Mitsuba 3 treats it identically, else its meshes."""
         if node not in self.made:
             known = self.builder.known(node)
             try:
@@ -320,7 +320,7 @@ def _first_camera_first(root: Node) -> list[Property]:
 
 
 def _counted(node: Node, properties: list[Property]) -> list[Property]:
-    """The properties without the children that are more than their place has use for."""
+    """The properties without surplus children."""
     name = node.plugin.lower()
     kinds = () if name == "mixturebsdf" else COUNTED.get(node.kind, ())
     kinds += ("texture",) if name in MAPS else ()

@@ -1,4 +1,4 @@
-"""Where things stand in scene files, and the messages that point there."""
+"""Locations in scene files, and messages that point to them."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ class SceneWarning(LajollaWarning):
 
 @contextmanager
 def blamed_on(place: Location, what: str = "") -> Iterator[None]:
-    """Makes one message of whatever a library, the core or a plugin raises within.
+    """Converts exceptions of libraries, the core and plugins to one message.
 
     Args:
         place: what in the scene they were busy with.
@@ -132,7 +132,7 @@ def blamed_on(place: Location, what: str = "") -> Iterator[None]:
 
 
 def reason_of(problem: Exception) -> str:
-    """The first line of what an exception says, in words that do not need a traceback."""
+    """The first line of an exception's message, understandable without a traceback."""
     if isinstance(problem, MemoryError):
         return "not enough memory"
     if isinstance(problem, OSError) and problem.strerror:
@@ -146,14 +146,14 @@ def reason_of(problem: Exception) -> str:
 
 @dataclass
 class Diagnostics:
-    """Collects warnings. With `strict`, what a scene asks for and cannot have is an error."""
+    """Collects warnings. With `strict`, unsupported requests are errors."""
 
     strict: bool = False
     collected: dict[str, SceneWarning] = field(default_factory=dict)
     suppressed: int = 0  # beyond MOST_WARNINGS
 
     def warn(self, message: str, location: Location | None = None) -> None:
-        """Notes something that is rendered in another way than the file might suggest."""
+        """Adds a warning about something that is not rendered as written."""
         known = self.collected.get(message)
         if known:
             known.count += 1
@@ -170,7 +170,7 @@ class Diagnostics:
 
     @property
     def warnings(self) -> list[SceneWarning]:
-        """The warnings in the order in which they were met."""
+        """The warnings in order of occurrence."""
         more = [SceneWarning(f"there are {self.suppressed} more warnings")] if self.suppressed else []
         return [*self.collected.values(), *more]
 

@@ -32,7 +32,7 @@ class Document:
 
 
 class UnknownParameter(Exception):
-    """A parameter that must be one of the scene's, and is not."""
+    """A required parameter that the scene does not have."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
         super().__init__(name)
@@ -107,7 +107,7 @@ class _Expander:
         return any(Path(os.path.abspath(path)).is_relative_to(folder) for folder in folders)
 
     def _expand(self, element: Element, including: list[Path]) -> Iterator[Element]:
-        """What stands for `element` in the tree: nothing, itself, or an included file's content."""
+        """The replacement of `element`: nothing, itself, or the content of an included file."""
         if not self._substitute(element):
             return
         if element.tag == "default":
@@ -137,7 +137,7 @@ class _Expander:
             yield root
 
     def _count(self, path: Path, element: Element) -> None:
-        """Files that include each other more than once would grow beyond all bounds."""
+        """Limits repeated includes, which could grow exponentially."""
         self.inclusions += 1
         size = path.stat().st_size
         if path in self.included:
@@ -163,7 +163,7 @@ class _Expander:
         self.search_paths.insert(0, path)
 
     def _substitute(self, element: Element) -> bool:
-        """Fills in `$name` in all attributes; False when an unknown one makes the element meaningless."""
+        """Replaces `$name` in all attributes; False if an unknown parameter makes the element invalid."""
         unknown = [
             key for key, text in element.attributes.items() if "$" in text and not self._fill(element, key)
         ]
@@ -236,7 +236,7 @@ def _pattern_of(unusual: tuple[str, ...]) -> re.Pattern[str]:
 
 
 def required(element: Element, attribute: str) -> str:
-    """An attribute that must be there.
+    """A required attribute.
 
     Raises:
         SceneError: it is missing.

@@ -1,4 +1,4 @@
-"""The scene as typed objects: what XML elements and Python dicts both become."""
+"""The scene as typed objects, from XML elements or Python dicts."""
 
 from __future__ import annotations
 

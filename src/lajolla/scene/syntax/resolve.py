@@ -1,4 +1,4 @@
-"""References to the objects they mean."""
+"""Resolves references."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MAX_NESTING = 64  # objects in objects, references followed
 
 
 def resolve(tree: Tree) -> None:
-    """Puts the node that is meant in the place of every reference.
+    """Replaces every reference by its node.
 
     Raises:
         SceneError: an id that is nowhere, or twice; objects that contain themselves.

@@ -1,4 +1,4 @@
-"""Elements to nodes: every attribute gets its type here, and nothing later sees XML."""
+"""Elements to nodes with typed properties; later stages do not depend on XML."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def nodes_from_elements(root: Element, diagnostics: Diagnostics) -> Tree:
 
 
 def _add(element: Element, parent: Node, given: set[str], tree: Tree, diagnostics: Diagnostics) -> None:
-    """Adds what an element stands for to its parent node, which has properties of the given names."""
+    """Adds an element to its parent node, which already has properties of the given names."""
     tag = OLD_KINDS.get(element.tag, element.tag)
     _check_attributes(element, diagnostics)
     if tag == "alias":

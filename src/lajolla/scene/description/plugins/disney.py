@@ -1,4 +1,4 @@
-"""Disney's models: other names and measures of their parameters."""
+"""Disney's models: alternative names and units of parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Films: the size of the picture, and how it is written."""
+"""Films: picture size and output settings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PIXELS = "pixels"
 
 @dataclass(frozen=True)
 class Layer:
-    """What a film of Mitsuba 0.6 says of one integrator inside `multichannel`."""
+    """Settings of Mitsuba 0.6's film for one integrator inside `multichannel`."""
 
     name: str
     film: Film
