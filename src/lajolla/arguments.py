@@ -1,4 +1,4 @@
-"""The command line's options: their names, the values they take, and what to say about wrong ones."""
+"""Command line options: names, values and error messages."""
 
 import argparse
 import difflib
@@ -62,7 +62,7 @@ examples:
 
 
 class UsageError(Exception):
-    """A command line that makes no sense; the message says why."""
+    """An invalid command line; the message states why."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -161,7 +161,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
 
 
 def _add_file(parser: Parser) -> argparse._ArgumentGroup:
-    """The scene, and the options of how it is read; returns their group."""
+    """Adds the scene argument and the options of the reader; returns their group."""
     parser.add_argument(
         "scene",
         type=Path,

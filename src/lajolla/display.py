@@ -1,4 +1,4 @@
-"""What the command line shows of a running render, on standard error."""
+"""Progress and messages of the command line on standard error."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Observer: TypeAlias = "Callable[[Progress], None]"
 
 
 class Messages(io.TextIOBase):
-    """A text stream in front of another one; what that does not take is lost, and nothing else is."""
+    """A text stream that forwards to another one and ignores its write errors."""
 
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
@@ -42,7 +42,7 @@ class Messages(io.TextIOBase):
 
 
 def discard(stream: TextIO) -> None:
-    """Lets go nowhere what is written to a stream, and what it still holds when Python ends."""
+    """Discards the output of a stream, including its buffer."""
     with suppress(OSError, ValueError):  # it is no file
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -68,13 +68,13 @@ def open_streams() -> None:
 
 @contextmanager
 def safe_messages() -> Iterator[None]:
-    """Within it nothing fails because a message cannot be written."""
+    """A context in which failures to write messages are ignored."""
     with redirect_stderr(Messages(sys.stderr)):
         yield
 
 
 def say(message: str) -> None:
-    """A line of the program's own, on standard error."""
+    """Prints a line of the program on standard error."""
     tell(f"lajolla: {message}")
 
 
@@ -107,7 +107,7 @@ def shows_colours(stream: TextIO) -> bool:
 
 
 def rate(per_second: float, unit: str) -> str:
-    """'3.21 Msamples/s', and the like."""
+    """For example '3.21 Msamples/s'."""
     for prefix, factor in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
         if per_second >= factor:
             return f"{per_second / factor:.3g} {prefix}{unit}/s"
@@ -125,7 +125,7 @@ def duration(seconds: float) -> str:
 
 
 def size_in_memory(count: float) -> str:
-    """'12.3 MiB', and the like."""
+    """For example '12.3 MiB'."""
     for unit in ("bytes", "KiB", "MiB"):
         if count < 1024:
             return f"{count:.4g} {unit}"

@@ -85,7 +85,7 @@ class Patience:
         return observe_or_stop
 
     def save(self, action: Callable[..., Any], *arguments: Any) -> None:  # noqa: ANN401
-    """Runs a function in another thread: a library call may take long, and this thread gets the signals."""
+        """Runs a function in another thread: libraries may take long, and this thread gets the signals."""
         self.saving = True
         import threading
         from concurrent.futures import Future

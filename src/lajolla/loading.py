@@ -1,4 +1,4 @@
-"""Scenes from files or dicts, ready to be rendered."""
+"""Loads scenes from files or dicts."""
 
 import os
 import time
@@ -98,7 +98,7 @@ class Scene:
 
     @names_checked
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
-        """What one sample of pixel (x, y) adds, or the mean of all samples: three numbers, float64.
+        """The value of one sample of pixel (x, y), or the mean of all samples: three numbers, float64.
 
         The pixel is counted from the film's corner, whatever the crop window. Unlike in a picture, values
         that are not finite stay what they are. Raises OptionError outside of the picture.

@@ -1,4 +1,4 @@
-"""What a caller sets beside a scene, and what it makes of the description."""
+"""Render options, and their effect on the description."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class OptionError(ValueError):
 
 @dataclass(frozen=True)
 class Options:
-    """What a caller sets beside the scene; None leaves the scene's own value."""
+    """Options of a render; None means the scene's own value."""
 
     spp: int | None = None  # samples per pixel
     size: tuple[int, int] | None = None  # width, height in pixels; drops the scene's crop window
@@ -31,7 +31,7 @@ class Options:
     sensor: int | str | None = None  # which one of several, by its number from 0 or its id
 
     def __post_init__(self) -> None:
-        """Raises OptionError for values that no scene can have."""
+        """Raises OptionError for invalid values."""
         check_range("spp", self.spp, 1, MAX_SAMPLES)
         check_range("seed", self.seed, 0, MAX_SEED)
         check_range("max_depth", self.max_depth, -1, MAX_INTEGER)
@@ -50,7 +50,7 @@ def _check_name(kind: str, name: str | None, known: Callable[[], list[str]]) -> 
 
 
 def check_range(name: str, value: int | None, lowest: int, highest: int) -> None:
-    """Whole numbers of any type pass, and None, which stands for the scene's own value."""
+    """Accepts whole numbers of any type, and None, which means the scene's own value."""
     if value is None:
         return
     if isinstance(value, bool) or not isinstance(value, SupportsIndex):

@@ -47,7 +47,7 @@ LISTS = {"phase": "phases", "medium": "media"}
 
 @dataclass
 class Plugins(Mapping[str, Plugin]):
-    """The plugins of a kind by their names in lower case; each is put together when it is first asked for."""
+    """The plugins of a kind by their names in lower case, created on first use."""
 
     makers: dict[str, Callable[[], Plugin]] = field(default_factory=dict)
     made: dict[str, Plugin] = field(default_factory=dict)
@@ -69,7 +69,7 @@ class Plugins(Mapping[str, Plugin]):
 
 @cache
 def plugins_by_kind() -> Mapping[str, Mapping[str, Plugin]]:
-    """Every plugin that scenes may use: the core's models, and the reader's own in front of them."""
+    """All plugins: the core's models, overridden by the reader's own."""
     schema = core_schema()
     table: dict[str, Plugins] = {}
     for kind, models in schema.items():
@@ -99,7 +99,7 @@ def _entry(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, An
 
 @dataclass
 class Builder:
-    """Builds a description; holds what is shared on the way."""
+    """Builds a description."""
 
     core: ModuleType
     diagnostics: Diagnostics
@@ -135,7 +135,7 @@ class Builder:
     # Files
 
     def directories(self, location: Location) -> list[Path]:
-        """Where the files that an object names may be."""
+        """The folders in which the files of an object are searched."""
         return [location.source.directory, *self.search_paths]
 
     def find(self, node: Node, name: str = "filename") -> tuple[Path, Location]:
@@ -162,11 +162,11 @@ class Builder:
     # Plugins
 
     def plugin(self, node: Node) -> Plugin | None:
-        """The plugin that a node asks for, whatever the case of the name."""
+        """The plugin of a node, ignoring the case of its name."""
         return self.table.get(node.kind, {}).get(node.plugin.lower())
 
     def construct(self, node: Node) -> Content:
-        """What the node's plugin makes of it, or its substitute; None when the node is left out.
+        """The result of the node's plugin, or of its replacement; None if the node is ignored.
 
         Raises:
             SceneError: the object cannot be built, or, when strict, is not known.
@@ -236,7 +236,7 @@ class Builder:
         return values
 
     def fits(self, texture: Node, field: Field) -> bool:
-        """Whether a field takes this texture: a constant one is as good as its value."""
+        """Whether a field accepts this texture; constant textures count as their value."""
         return field.type in TEXTURED or not isinstance(self.texture(texture), dict)
 
     def tell_texture(self, node: Node, name: str) -> None:
@@ -253,7 +253,7 @@ class Builder:
         self.diagnostics.unknown(problem, prop.name_location)
 
     def picture(self, node: Node) -> Picture:
-        """What an integrator shows."""
+        """The outputs of an integrator."""
         result = self.construct(node)
         return result if isinstance(result, Picture) else Picture(result)
 
@@ -313,7 +313,7 @@ class Builder:
         return len(entries) - 1
 
     def _count_lookups(self, entry: dict[str, Any], node: Node) -> None:
-        """Textures that are read more than once by each other take twice as long at every level."""
+        """Limits lookups: textures that use each other twice double the time at every level."""
         inner = (value["texture"] for value in entry.values() if isinstance(value, dict))
         lookups = 1 + sum(self.lookups[index] for index in inner)
         if lookups > MOST_LOOKUPS:
@@ -331,7 +331,7 @@ class Builder:
         return self.indices[key]
 
     def _is_transmissive(self, entry: dict[str, Any], node: Node) -> bool:
-        """Asks the core, which refuses the values that it does not take."""
+        """Lets the core validate the values."""
         try:
             return bool(self.core.transmissive(entry))
         except self.core.DescriptionError as problem:

@@ -54,7 +54,7 @@ OTHERWISE = {
 
 
 def misspelt(node: Node, available: Iterable[str]) -> str | None:
-    """The name of which an unknown one is a misspelling; those of integrators and samplers are too similar."""
+    """The name of which an unknown one is a misspelling; integrators and samplers are too alike."""
     if not node.plugin or node.kind in ("integrator", "sampler"):
         return None
     return nearest(node.plugin, [*available, *SUBSTITUTES.get(node.kind, {})])

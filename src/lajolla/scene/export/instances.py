@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 @dataclass
 class Contents:
-    """What a shape group shows: groups without groups in them in their places, and shapes that are lights."""
+    """Contents of a shape group: flat groups with transforms, and emitting shapes."""
 
     groups: list[tuple[Array, Node]]
     lights: list[tuple[Array, Node]]
 
     def extend(self, matrix: Array, inner: Contents) -> None:
-        """Adds what a group inside this one shows."""
+        """Adds the contents of a nested group."""
         self.groups += [(matrix @ placed, group) for placed, group in inner.groups]
         self.lights += [(matrix @ placed, light) for placed, light in inner.lights]
 
@@ -46,7 +46,7 @@ def instances(translator: Translator, node: Node) -> list[Node]:
 
 
 def group(translator: Translator, node: Node) -> list[Node]:
-    """The shapes that stand in a group itself, as a group."""
+    """The direct members of a group, as a group."""
     contents = _contents(translator, node)
     return [inner for _, inner in contents.groups if inner.location == node.location]
 

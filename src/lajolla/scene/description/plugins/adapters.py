@@ -1,4 +1,4 @@
-"""Adapters: bsdfs that hold bsdfs. They become the tree of a material slot, in whatever way they nest."""
+"""Adapters: bsdfs that contain bsdfs. They become the tree of a material slot."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def lets_light_through(builder: Builder, material: MaterialId) -> bool:
 
 
 def _inner(builder: Builder, node: Node, most: int, needed: str) -> list[Slot]:
-    """The slots of the bsdfs inside an adapter, of which it can hold so many."""
+    """The slots of the bsdfs inside an adapter, up to a maximum number."""
     slots = [slot for _, child in node.children("bsdf") if (slot := builder.slot(child)) is not None]
     if not slots:
         raise SceneError(f"{node} needs {needed} inside", node.location)
@@ -50,7 +50,7 @@ def _mask(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
 
 
 def _filter(passing: float) -> Callable[[Builder, Node, dict[str, Any]], Slot]:
-    """Plates that act on polarisation: of unpolarised light they pass so much, straight on."""
+    """Polarising plates, which transmit this fraction of unpolarised light."""
 
     def build(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
         clear, share = values.get("transmittance", (1.0, 1.0, 1.0)), 1.0
@@ -110,7 +110,7 @@ def _blend(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
 
 
 def _mixture(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
-    """Of `mixturebsdf`, what the weights leave over is black."""
+    """`mixturebsdf`: the remaining weight is black."""
     slots = _inner(builder, node, len(node.properties), "bsdfs")
     text = Text(values.get("weights", ""), node.property_location("weights"))
     weights = parse_floats(text, (len(text.text.replace(",", " ").split()),)) if text.text.strip() else ()
@@ -145,12 +145,12 @@ def _mixed(builder: Builder, node: Node, values: dict[str, Any], first: Slot, se
 
 
 def _seen_from_behind(builder: Builder, slot: Slot) -> MaterialId:
-    """What lets light through is seen from behind wherever it stands."""
+    """Transmissive bsdfs are visible from both sides."""
     return slot.front if slot.back == BLACK and lets_light_through(builder, slot.front) else slot.back
 
 
 def _coating(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
-    """A layer around every bsdf inside: it goes through blends and masks, and under maps."""
+    """Adds a coating to every bsdf inside blends, masks and maps."""
     inner = _inner(builder, node, 1, "a bsdf")[0]
     clear = lets_light_through(builder, inner.front) or lets_light_through(builder, inner.back)
     if clear:

@@ -1,4 +1,4 @@
-"""Sun and sky: an environment map and a distant disk to the core."""
+"""Sun and sky as an environment map and a distant disk of the core."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _sky_light(
 
 
 def _sun_light(values: dict[str, Any], to_world: Array, sun: Array, scale: float) -> Entries:
-    """The flux of the true sun, whatever the size of its disk."""
+    """The sun as a light with the irradiance of the real sun, independent of the size of its disk."""
     model = preetham_sun if values.get("sun_model") == "preetham" else hosek_sun
     elevation, turbidity = math.asin(min(1.0, float(sun[1]))), values.get("turbidity", 3.0)
     solid_angle = 2 * math.pi * (1 - math.cos(math.radians(SUN_DIAMETER / 2)))
@@ -133,7 +133,7 @@ def _sun_light(values: dict[str, Any], to_world: Array, sun: Array, scale: float
 
 
 def for_mitsuba3(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any] | None:
-    """The properties of a `sunsky` of Mitsuba 3 that shines alike; None at night."""
+    """The properties of the equivalent `sunsky` of Mitsuba 3; None at night."""
     to_world, sun = _place(builder, node, values)
     if sun is None:
         return None

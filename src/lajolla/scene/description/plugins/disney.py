@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def _principled(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    """`specular` is another measure of `eta`: 0.08 of it is the reflectance at normal incidence."""
+    """Converts `specular` to `eta`: reflectance at normal incidence = 0.08 * specular."""
     specular = values.pop("specular", None)
     if specular is not None:
         if "eta" in values:

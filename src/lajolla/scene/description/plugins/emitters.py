@@ -1,4 +1,4 @@
-"""Lights whose place can be written in more than one way."""
+"""Lights with alternative parameters for their position."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _spot(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any
 
 
 def _projector(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    """The picture's own shape decides which way it is wide."""
+    """Computes the field of view along x from the picture's aspect ratio."""
     picture = values.get("irradiance")
     entry = builder.textures[picture["texture"]] if isinstance(picture, dict) else {}
     if entry.get("type") == "clamped":
@@ -69,7 +69,7 @@ def _projector(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str
 
 
 def _collimated(builder: Builder, node: Node, values: dict[str, Any]) -> None:
-    """Left out: the beam has no width, and paths from the camera never meet it."""
+    """Ignored: the beam has zero width, so that paths from the camera cannot hit it."""
     builder.diagnostics.unknown(
         f"{node} is a beam of zero width, which no path can hit; it is ignored", node.location
     )

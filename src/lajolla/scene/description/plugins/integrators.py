@@ -1,4 +1,4 @@
-"""Integrators in other words, and those that render several things at once."""
+"""Integrators with other names, and those with several outputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Media and phase functions: coefficients in all their spellings, and materials by name."""
+"""Media and phase functions: alternative coefficients, and materials by name."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Rgb = tuple[float, ...]
 
 
 def _homogeneous(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    """Homogeneous, unless the albedo or the particles' area differ from place to place."""
+    """Homogeneous unless the albedo or the particles' area varies in space."""
     if values.keys() & {"sigma_a", "sigma_s"} and values.keys() & {"sigma_t", "albedo"}:
         message = f'{node} takes "sigma_a" and "sigma_s", or "sigma_t" and "albedo", not both'
         raise SceneError(message, node.location)
@@ -71,7 +71,7 @@ def _named_material(node: Node, name: str) -> tuple[Rgb, Rgb]:
 
 
 def _varies(builder: Builder, phase: int) -> bool:
-    """Whether a phase function has particles whose area differs from place to place."""
+    """Whether the area of a phase function's particles varies in space."""
     if phase < 0:
         return False
     entry = builder.phases[phase]
@@ -120,7 +120,7 @@ def _blend(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, An
 
 
 def _count_parts(builder: Builder, phase: int) -> int:
-    """Of how many phase functions one is mixed; those that stand in the list have few."""
+    """The number of phase functions in a mixture."""
     entry = builder.phases[phase] if phase >= 0 else {"type": "isotropic"}
     if entry["type"] != "blendphase":
         return 1

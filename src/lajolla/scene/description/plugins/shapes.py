@@ -1,4 +1,4 @@
-"""Shapes that are meshes to the core, and those that hold other shapes."""
+"""Shapes that become meshes, and those that contain other shapes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _cube(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any
 
 
 def _round_shape(name: str, arrays: Callable[[dict[str, Any]], MeshArrays]) -> Build:
-    """A builder for shapes that the core knows only when `to_world` scales alike in all directions."""
+    """A builder for shapes that the core supports only with uniform scale."""
 
     def build(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
         if name == "sphere" and _mirrors(values) and node.version >= (2, 0, 0):
@@ -74,7 +74,7 @@ def _mirrors(values: dict[str, Any]) -> bool:
 
 
 def _grouping(name: str) -> Build:
-    """A builder for what is no shape itself; `instances.py` makes of it what it shows."""
+    """A builder for groups and instances; `instances.py` expands them."""
     return lambda builder, node, values: {"type": name, **values}
 
 

@@ -40,7 +40,7 @@ def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
 
 
 def is_alpha(channel: str) -> bool:
-    """Whether a channel is coverage, which no file encodes as it does colours."""
+    """Whether a channel is alpha, which is never encoded as sRGB."""
     return channel.lower() == "a"
 
 

@@ -26,7 +26,7 @@ def _constant(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
 
 
 def placement_of(builder: Builder, volume: Node | None) -> Array:
-    """Where the box of a constant volume is, which may stand inside of another volume."""
+    """The box of a constant volume, which may be inside another volume."""
     while volume is not None:
         prop = volume.find("to_world")
         if prop is not None:
@@ -41,7 +41,7 @@ def _grid_volume(builder: Builder, node: Node, values: dict[str, Any]) -> dict[s
 
 
 def _blackbody_volume(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    """Planck's law at every voxel; temperatures between the voxels are not looked at again."""
+    """Planck's law at every voxel; radiance, not temperature, is interpolated."""
     scale = values.pop("scale", 1.0)
     factor, offset = values.pop("temperature_scale", 1.0), values.pop("temperature_offset", 0.0)
     values.setdefault("grid_name", "temperature")
@@ -57,7 +57,7 @@ def _blackbody_volume(builder: Builder, node: Node, values: dict[str, Any]) -> d
 
 
 def load_voxels(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[Voxels, Location]:
-    """The voxels of a file, or of an array from Python, and what to blame for them."""
+    """The voxels of a file or an array from Python, and the location for error messages."""
     arrays = [values.pop(name) for name in ("data", "grid") if name in values]
     grid_name = values.pop("grid_name", "density")
     if arrays:
