@@ -1,6 +1,6 @@
 #pragma once
-// The material slot of a shape: a tree whose leaves are BSDFs. Its inner nodes, the adapters, choose between
-// materials, cut holes, or turn the normal; none of them is a BSDF, so lobes stay small however deep they
+// The material of a shape: a tree whose leaves are BSDFs. Its inner nodes, the adapters, select between
+// materials, mask, or change the normal; none of them is a BSDF, so lobes stay small however deep they
 // nest.
 
 #include <array>
@@ -24,7 +24,7 @@ struct MaterialId {
     friend constexpr bool operator==(const MaterialId &, const MaterialId &) = default;
 };
 
-// Two-sidedness is a pair of materials. A BSDF that light passes through serves both sides wherever it
+// One tree for each side. A transmissive BSDF applies to both sides wherever it
 // stands.
 struct Material {
     MaterialId front;
@@ -95,7 +95,7 @@ struct NormalMap {
 
 using Adapter = std::variant<Blend, Mask, BumpMap, NormalMap>;
 
-// Turns the normal as a map does at a hit, seen from `wo`.
+// The shading normal of a map at a hit, seen from `wo`.
 template <class Float>
 void turn(const BumpMap &map, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
           MappedNormal<Float> &normal);
@@ -103,7 +103,7 @@ template <class Float>
 void turn(const NormalMap &map, const TextureReader<Float> &read, const Hit<Float> &hit,
           const Vec3<Float> &wo, MappedNormal<Float> &normal);
 
-// The materials of a scene, ready to be asked at hits.
+// The materials of a scene.
 class Materials {
 public:
     Materials() = default;
