@@ -19,7 +19,7 @@ from typing import BinaryIO
 
 import lajolla  # its modules are loaded when they are first used, which no --help does
 from lajolla.arguments import UsageError, for_each_sensor, parse, replay_command
-from lajolla.display import coloured, discard, progress_display, rate, safe_messages, say, tell
+from lajolla.display import coloured, discard, print_message, progress_display, rate, safe_messages, say
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
 
@@ -69,7 +69,7 @@ def _run_command(arguments: argparse.Namespace) -> int:
         sys.stdout.flush()
         return code
     except lajolla.SceneError as error:
-        tell(error)
+        print_message(error)
     except refusals as error:
         say(f"error: {error}")
     return 1
@@ -116,7 +116,7 @@ def command_render(arguments: argparse.Namespace) -> int:
         lajolla.outputs.check(arguments)
     scene = load(arguments)
     for warning in scene.warnings:
-        tell(warning)
+        print_message(warning)
     if arguments.pixel is not None:
         print(*scene.radiance(*arguments.pixel, arguments.sample))
         return 0
@@ -213,7 +213,7 @@ def command_convert(arguments: argparse.Namespace) -> int:
         _scene(arguments), target, parameters=parameters, strict=arguments.strict, pack=arguments.pack
     )
     for warning in result.warnings:
-        tell(warning)
+        print_message(warning)
     patience = Patience("the scene")
     with handled_by(patience):
         patience.save(_write_export, target, result)

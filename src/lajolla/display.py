@@ -75,10 +75,10 @@ def safe_messages() -> Iterator[None]:
 
 def say(message: str) -> None:
     """Prints a line of the program on standard error."""
-    tell(f"lajolla: {message}")
+    print_message(f"lajolla: {message}")
 
 
-def tell(message: object) -> None:
+def print_message(message: object) -> None:
     """A message on standard error, such as a SceneError with its place and the line under it."""
     print(coloured(str(message), sys.stderr), file=sys.stderr, flush=True)
 

@@ -140,7 +140,7 @@ def _default_integrator(builder: Builder, scene: Node) -> Node:
 
 def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
     """In files before 2.0, a camera that sees the whole scene; newer files must have one."""
-    cameras.tell_of_none(builder, scene)
+    cameras.report_missing_camera(builder, scene)
     return default_camera(builder.shapes, builder.groups, builder.instances)
 
 

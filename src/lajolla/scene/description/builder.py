@@ -193,11 +193,11 @@ class Builder:
         name = substitute_for(node, names, nested)
         if name is DROPPED:
             hint = did_you_mean(node.plugin, names, limit=0)
-            self._tell_substitute(node, f"it is ignored{hint}")
+            self._report_substitute(node, f"it is ignored{hint}")
             return None
         if name is NESTED and nested is not None:
             lost = [prop for prop in node.properties if prop.value is not nested]
-            self._tell_substitute(node, f"the {nested} inside it is used", lost)
+            self._report_substitute(node, f"the {nested} inside it is used", lost)
             return self.known(nested)
         plugin = names[name]
         kept, lost = node.properties, []
@@ -206,10 +206,10 @@ class Builder:
             properties = for_substitute(node)
             kept = [p for p in properties if p.name in known or is_child(p.value, plugin)]
             lost = [p for p in properties if p not in kept]
-        self._tell_substitute(node, f'"{plugin.name}" is used', lost)
+        self._report_substitute(node, f'"{plugin.name}" is used', lost)
         return Node(node.kind, plugin.name, node.location, node.plugin_location, node.id, kept)
 
-    def _tell_substitute(self, node: Node, used: str, lost: Iterable[Property] = ()) -> None:
+    def _report_substitute(self, node: Node, used: str, lost: Iterable[Property] = ()) -> None:
         """Reports what replaces an unknown plugin, and which of its properties are lost."""
         harmless = HARMLESS.get(node.kind, ())
         names = [f'"{p.name}"' if p.name else f"the {p.value}" for p in lost if p.name not in harmless]
@@ -228,23 +228,23 @@ class Builder:
                 continue  # left out, as was warned about
             if name in fields and not is_child(prop.value, plugin):
                 if _is_texture(prop.value) and not self.fits(prop.value, fields[name]):
-                    self.tell_texture(node, prop.name)
+                    self.report_texture(node, prop.name)
                     continue
                 values[name] = convert(self, node, prop, fields[name])
             elif not is_child(prop.value, plugin) and prop.name not in HARMLESS.get(node.kind, ()):
-                self.tell_unknown(node, prop, fields)
+                self.report_unknown(node, prop, fields)
         return values
 
     def fits(self, texture: Node, field: Field) -> bool:
         """Whether a field accepts this texture; constant textures count as their value."""
         return field.type in TEXTURED or not isinstance(self.texture(texture), dict)
 
-    def tell_texture(self, node: Node, name: str) -> None:
+    def report_texture(self, node: Node, name: str) -> None:
         """Reports a texture for a parameter that must be constant."""
         message = f'"{name}" of {node} takes no texture; the default is used'
         self.diagnostics.unknown(message, node.property_location(name))
 
-    def tell_unknown(self, node: Node, prop: Property, fields: Iterable[str]) -> None:
+    def report_unknown(self, node: Node, prop: Property, fields: Iterable[str]) -> None:
         """Reports a property that the plugin does not have."""
         if prop.name:
             problem = f'{node} has no property "{prop.name}"{did_you_mean(prop.name, fields)}'

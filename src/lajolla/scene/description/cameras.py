@@ -106,7 +106,7 @@ def _position(scene: Node, wanted: int | str) -> int:
     return number
 
 
-def tell_of_none(builder: Builder, scene: Node) -> None:
+def report_missing_camera(builder: Builder, scene: Node) -> None:
     """Reports that a scene has no camera, and cameras inside shapes, which are not supported.
 
     Raises:

@@ -143,7 +143,7 @@ class Translator:
     def _translate(self, node: Node) -> Node | None:
         plugin = self.builder.plugin(node)
         assert plugin is not None
-        with self._telling(node):
+        with self._reporting(node):
             result = self._properties(node, plugin)
             adapter = COATS.get(plugin.name) if node.kind == "bsdf" else None
             adapter = adapter or ADAPTERS.get((node.kind, plugin.name))
@@ -152,7 +152,7 @@ class Translator:
             return result if plugin.name in HAS[node.kind].split() else self.nearest(result)
 
     @contextmanager
-    def _telling(self, node: Node) -> Iterator[None]:
+    def _reporting(self, node: Node) -> Iterator[None]:
         """Reports in one warning what replaces an object, and which properties it loses."""
         lost = Losses()
         self.losses.append(lost)
@@ -261,7 +261,7 @@ class Translator:
         if node not in self.made:
             known = self.builder.known(node)
             try:
-                with self._telling(known or node):
+                with self._reporting(known or node):
                     self.made[node] = [] if known is None else self._shapes(known)
             except MissingFile:  # reading the scene warned of it
                 self.made[node] = []

@@ -106,7 +106,7 @@ def _boxed(builder: Builder, medium: Node, extinction: Rgb) -> dict[str, int]:
 
 def _hg(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
     if isinstance(values.get("g"), dict):
-        builder.tell_texture(node, "g")
+        builder.report_texture(node, "g")
         del values["g"]
     return {"type": "hg", **values}
 
