@@ -206,10 +206,10 @@ def main() -> None:
 HEADER = """# Compatibility
 
 Made by `bench/compatibility.py`. *Opens*: whether mitsuba {mitsuba} (`{variant}`) opens the file unchanged;
-lajolla opens all of them. *Warnings*: number of lajolla's warnings. *Lost*: number of warnings of `lajolla convert`
-about features that Mitsuba 3 does not support. *Ratio*: mean of red, green and blue in lajolla's image of the
-scene, divided by the mean in Mitsuba's image of the converted scene; {width} pixels wide, {samples} samples per
-pixel, at most 8 segments. *Error*: the largest standard error of the three ratios.
+lajolla opens all of them. *Warnings*: number of lajolla's warnings. *Lost*: number of warnings of
+`lajolla convert` about features that Mitsuba 3 does not support. *Ratio*: mean of red, green and blue in
+lajolla's image of the scene, divided by the mean in Mitsuba's image of the converted scene; {width} pixels
+wide, {samples} samples per pixel, at most 8 segments. *Error*: the largest standard error of the three ratios.
 
 | scene | opens | warnings | lost | ratio | error | |
 |---|---|---|---|---|---|---|"""

@@ -10,6 +10,23 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The option of the tests in fuzz/."""
+    parser.addoption(
+        "--fuzz-minutes",
+        type=float,
+        metavar="MINUTES",
+        help="how long each test in tests/fuzz looks for faults, with other inputs in every run; "
+        "without this, each tries a few, always the same ones",
+    )
+
+
+@pytest.fixture
+def fuzz_minutes(request: pytest.FixtureRequest) -> float | None:
+    """How long to look for faults; None: only with what is always the same."""
+    return request.config.getoption("fuzz_minutes")
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """What "-n auto" means: a process for each core, but none beside this one for tests that are chosen."""

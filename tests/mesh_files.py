@@ -113,6 +113,37 @@ def serialized(payloads: list[bytes], version: int) -> bytes:
     return file + b"".join(struct.pack(entry, o) for o in offsets) + struct.pack("<I", len(offsets))
 
 
+OBJ_SAMPLE = (
+    "mtllib a.mtl\nv 0 0 0 1 .5 0\nv 1 0 0\nv 1 1 1e-3\nv 0 1 0\nvt 0 0\nvt 1 .5\nvn 0 0 1\n"
+    "usemtl a\nf 1/1/1 2/2/1 3//1 \\\n -1\nusemtl b\nf 1 2/1 3\n"
+)
+PLY_ELEMENTS = (
+    vertex_element(
+        ["float nx", "float ny", "float nz", "uchar r", "uchar g", "uchar b"], np.ones((4, 6), int)
+    ),
+    ("junk", ["list ushort float a"], [[[1, 2]]]),
+    ("face", ["list uchar int vertex_indices", "float w_0"], [[[0, 1, 2, 3], 1], [[2, 1, 0], 2]]),
+)
+SERIALIZED_SAMPLE = [
+    serialized_payload(
+        SQUARE, np.array([[0, 1, 2]]), "a", normals=SQUARE + 1, uvs=SQUARE[:, :2], colors=SQUARE
+    ),
+    serialized_payload(SQUARE, np.array([[0, 2, 3]]), "b", dtype="<f8"),
+]
+# A file of each kind: the reader's name, the bytes, and its arguments.
+SAMPLES: dict[str, tuple[str, bytes, tuple[int, ...]]] = {
+    "obj": ("obj", OBJ_SAMPLE.encode(), ()),
+    **{f"ply {f}": ("ply", ply(f, *PLY_ELEMENTS), ()) for f in PLY_FORMATS},
+    "serialized 3": ("serialized", serialized(SERIALIZED_SAMPLE, 3)[:-8], (0,)),
+    "serialized 4": ("serialized", serialized(SERIALIZED_SAMPLE, 4), (1,)),
+}
+
+
+def samples_of(kind: str) -> tuple[bytes, ...]:
+    """The sample files for one reader."""
+    return tuple(data for reader, data, _ in SAMPLES.values() if reader == kind)
+
+
 def loader(folder: Path) -> Loader:
     """A function load(kind, contents, ...) that writes a file into the folder and reads it back as a mesh."""
 

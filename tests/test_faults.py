@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plugin_tools import plugin_entry, scene_with
 
 import lajolla
 from lajolla import image
@@ -44,25 +44,6 @@ OBJECTS = (
 )
 VALUES = (NOTHING, *EXTREMES, *OTHERS, *OBJECTS)
 
-PARAMETERS: dict[tuple[str, str], dict[str, Any]] = {
-    ("texture", "regular"): {"values": "1, 2", "wavelength_min": 400.0, "wavelength_max": 700.0},
-    ("texture", "irregular"): {"values": "1, 2", "wavelengths": "400, 700"},
-    ("texture", "uniform"): {"value": 0.5},
-    ("texture", "srgb"): {"color": [0.1, 0.2, 0.3]},
-    ("texture", "rawconstant"): {"value": [0.1, 0.2, 0.3]},
-    ("texture", "blackbody"): {"temperature": 5000.0},
-    ("texture", "clamped"): {"texture": {"type": "checkerboard"}},
-    ("texture", "scale"): {"texture": {"type": "checkerboard"}},
-    ("bsdf", "mixturebsdf"): {"weights": "1"},
-    ("integrator", "aov"): {"aovs": "a:depth"},
-    **{("emitter", name): {"resolution": 16} for name in ("sky", "sunsky")},
-}
-FILES = {
-    "obj": "a.obj", "ply": "a.ply", "serialized": "a.serialized", "linearcurve": "a.txt",
-    "bsplinecurve": "a.txt", "hair": "a.txt", "sdfgrid": "a.vol", "gridvolume": "a.vol",
-    "blackbodyvolume": "a.vol",
-}  # fmt: skip
-
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -72,56 +53,6 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "a.vol").write_bytes(vol_bytes(np.ones((2, 2, 2, 1), np.float32)))
     image.write(folder / "a.exr", np.full((2, 2, 3), 0.5))
     return folder
-
-
-def plugin_entry(kind: str, name: str) -> dict[str, Any]:
-    """A plugin as a dict with what it needs."""
-    plugin = plugins_by_kind()[kind][name.lower()]
-    entry: dict[str, Any] = {"type": name, **PARAMETERS.get((kind, name), {})}
-    if any(field.name == "filename" for field in plugin.fields) and kind != "film":
-        entry["filename"] = FILES.get(name, "a.exr")
-    if kind == "bsdf" and "bsdf" in plugin.children:
-        entry["inner"] = {"type": "diffuse"}
-        if name == "blendbsdf":
-            entry["other"] = {"type": "conductor"}
-    if kind == "phase" and name == "blendphase":
-        entry |= {"phase_0": {"type": "isotropic"}, "phase_1": {"type": "hg"}}
-    if kind == "integrator" and "integrator" in plugin.children:
-        entry["inner"] = {"type": "path"}
-    if kind == "shape" and name == "instance":
-        entry["group"] = {"type": "shapegroup", "ball": {"type": "sphere"}}
-    return entry
-
-
-def scene_with(kind: str, entry: dict[str, Any]) -> dict[str, Any]:
-    """A small scene in which a plugin stands where it belongs."""
-    ball: dict[str, Any] = {"type": "sphere", "center": [0, 0, 5]}
-    film: dict[str, Any] = {"type": "hdrfilm", "width": 2, "height": 2}
-    camera: dict[str, Any] = {"type": "perspective", "film": film}
-    scene: dict[str, Any] = {"type": "scene", "ball": ball, "camera": camera}
-    if kind in ("integrator", "shape"):
-        scene["own"] = entry
-    elif kind == "emitter":
-        (ball if entry["type"] == "area" else scene)["own"] = entry
-    elif kind == "sensor":
-        scene["camera"] = {**entry, "film": film}
-    elif kind == "film":
-        camera["film"] = entry
-    elif kind == "rfilter":
-        film["rfilter"] = entry
-    elif kind == "sampler":
-        camera["sampler"] = entry
-    elif kind == "bsdf":
-        ball["bsdf"] = entry
-    elif kind == "texture":
-        ball["bsdf"] = {"type": "diffuse", "reflectance": entry}
-    elif kind == "medium":
-        ball["interior"] = entry
-    elif kind == "phase":
-        ball["interior"] = {"type": "homogeneous", "phase": entry}
-    elif kind == "volume":
-        ball["interior"] = {"type": "heterogeneous", "sigma_t": entry}
-    return scene
 
 
 def variations(kind: str, name: str) -> Iterator[dict[str, Any]]:
@@ -167,15 +98,15 @@ SMALL = """<scene version="3.0.0">
 </scene>"""
 
 
-@pytest.mark.parametrize("megabytes", [220, 280, 340])
-def test_too_little_memory_is_one_message(megabytes: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("output", ["a.npy", "a.exr"])
+@pytest.mark.parametrize("megabytes", [30, 80, 160, 240, 330, 390, 450])
+def test_too_little_memory_is_one_message(megabytes: int, output: str, tmp_path: Path) -> None:
     (tmp_path / "room.xml").write_text(SMALL)
     limit = (resource.RLIMIT_AS, (megabytes * 1_000_000,) * 2)
     result = subprocess.run(
-        [sys.executable, "-m", "lajolla", *"render room.xml --quiet --threads 1 -o a.npy".split()],
+        [sys.executable, "-m", "lajolla", *"render room.xml --quiet --threads 1 -o".split(), output],
         cwd=tmp_path,
         preexec_fn=lambda: resource.setrlimit(*limit),
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
         timeout=60,
@@ -183,4 +114,5 @@ def test_too_little_memory_is_one_message(megabytes: int, tmp_path: Path) -> Non
     )
     told = [line for line in result.stderr.splitlines() if "error: " in line]
     assert (result.returncode, len(told)) in ((0, 0), (1, 1)), result.stderr
+    assert all("not enough memory" in line or output in line for line in told)
     assert "Traceback" not in result.stderr

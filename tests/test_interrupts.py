@@ -5,11 +5,14 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import numpy as np
 import pytest
+from process_tools import BLOCKED, can_block
 
 from lajolla import cli, display, image
 from lajolla.interrupts import Patience
@@ -196,6 +199,38 @@ sys.exit(cli.main("render room.xml --all-sensors -o a.pfm --quiet".split()))
     assert result.returncode == 143
     assert [path.name for path in Path().glob("*.pfm")] == ["a-0.pfm"]
     assert "lajolla: interrupted; nothing was written of sensor 1 and those after it" in result.stderr
+
+
+BUSY = SCENE.replace('"sample_count" value="4"', '"sample_count" value="256"').replace("8", "32")
+MOMENTS = 10
+
+
+@pytest.mark.skipif(not can_block(), reason="env has no --block-signal")
+@pytest.mark.usefixtures("as_from_a_terminal")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], ids=lambda n: n.name)
+def test_no_moment_is_a_bad_one(number: signal.Signals) -> None:
+    """From before Python has started until after the picture was saved, which took the place of another."""
+    Path("room.xml").write_text(BUSY)
+    command = [*BLOCKED, sys.executable, "-m", "lajolla", *"render room.xml -o a.exr --threads 1".split()]
+    start = time.monotonic()
+    subprocess.run(command, capture_output=True, check=True, timeout=120)
+    duration = time.monotonic() - start
+    codes = []
+    for moment in range(MOMENTS):
+        image.write(Path("a.exr"), np.ones((2, 3, 3), np.float32))
+        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        time.sleep(duration * moment / (MOMENTS - 1))
+        process.send_signal(number)
+        _, told = process.communicate(timeout=60)
+        codes.append(process.returncode)
+        assert "Traceback" not in told and "Error" not in told, told
+        assert process.returncode in (0, -number, 128 + number)
+        written = "wrote a.exr" in told
+        shape = image.read("a.exr").shape
+        assert shape == (32, 32, 3) if written else shape in ((2, 3, 3), (32, 32, 3)), told
+    assert len([code for code in codes if code]) >= MOMENTS // 2
+    subprocess.run(command, capture_output=True, check=True, timeout=120)
+    assert sorted(os.listdir()) == ["a.exr", "room.xml"]
 
 
 @pytest.mark.usefixtures("as_from_a_terminal")

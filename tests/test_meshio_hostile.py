@@ -5,43 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mesh_files import (
-    PLY_FORMATS,
-    SQUARE,
-    Loader,
-    check,
-    loader,
-    ply,
-    serialized,
-    serialized_payload,
-    vertex_element,
-)
+from mesh_files import SAMPLES, SERIALIZED_SAMPLE, Loader, check, loader, serialized
 
 from lajolla import _core
-
-OBJ_SAMPLE = (
-    "mtllib a.mtl\nv 0 0 0 1 .5 0\nv 1 0 0\nv 1 1 1e-3\nv 0 1 0\nvt 0 0\nvt 1 .5\nvn 0 0 1\n"
-    "usemtl a\nf 1/1/1 2/2/1 3//1 \\\n -1\nusemtl b\nf 1 2/1 3\n"
-)
-PLY_ELEMENTS = (
-    vertex_element(
-        ["float nx", "float ny", "float nz", "uchar r", "uchar g", "uchar b"], np.ones((4, 6), int)
-    ),
-    ("junk", ["list ushort float a"], [[[1, 2]]]),
-    ("face", ["list uchar int vertex_indices", "float w_0"], [[[0, 1, 2, 3], 1], [[2, 1, 0], 2]]),
-)
-SERIALIZED_SAMPLE = [
-    serialized_payload(
-        SQUARE, np.array([[0, 1, 2]]), "a", normals=SQUARE + 1, uvs=SQUARE[:, :2], colors=SQUARE
-    ),
-    serialized_payload(SQUARE, np.array([[0, 2, 3]]), "b", dtype="<f8"),
-]
-SAMPLES = {
-    "obj": ("obj", OBJ_SAMPLE.encode(), ()),
-    **{f"ply {f}": ("ply", ply(f, *PLY_ELEMENTS), ()) for f in PLY_FORMATS},
-    "serialized 3": ("serialized", serialized(SERIALIZED_SAMPLE, 3)[:-8], (0,)),
-    "serialized 4": ("serialized", serialized(SERIALIZED_SAMPLE, 4), (1,)),
-}
 
 
 @pytest.fixture

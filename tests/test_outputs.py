@@ -196,3 +196,44 @@ def test_files_that_xml_cannot_name_are_copied_once(tmp_path: Path) -> None:
     packed = convert(path, tmp_path / "new.xml", pack=True).files
     assert [Path(name).suffix for name in packed] == [".png", ".ply"]
     assert packed["new-files/0.png"] == (tmp_path / f"{NAME}.png").read_bytes()
+
+
+FULL_DISK = """
+mount -t tmpfs -o size=16k none disk && cp old.npy disk/a.npy && mkdir left
+"$1" -m lajolla render room.xml --size 64x64 --spp 1 -o disk/a.npy >told 2>&1
+echo $? >code
+"$1" -c "$2" >>told 2>&1
+cp disk/a.npy left && ls -A disk >names
+"""
+UNPACKED = [ending for ending in picture_formats.ENDINGS if ending not in (".webp", ".jxl")]
+# A disk that is full only when the picture is saved: before rendering there is a look at the space.
+SAVE = f"""
+from pathlib import Path
+import numpy as np
+from lajolla import image
+noise = np.random.default_rng(0).random((128, 128, 3), np.float32)
+for ending in {UNPACKED}:
+    try:
+        image.write(Path("disk/a" + ending), noise)
+    except image.ImageError as problem:
+        print("error:", problem)
+"""
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can make a small file system")
+def test_a_full_disk_costs_no_picture() -> None:
+    Path("disk").mkdir()
+    Path("room.xml").write_text('<scene version="3.0.0"><sensor type="perspective"/></scene>')
+    image.write(Path("old.npy"), PICTURE)
+    command = ["unshare", "-m", "sh", "-c", FULL_DISK, "sh", sys.executable, SAVE]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    if not Path("code").exists():
+        pytest.skip(f"no small file system can be made here: {result.stderr.strip()}")
+    told = Path("told").read_text()
+    errors = [line for line in told.splitlines() if "error: " in line]
+    assert Path("code").read_text() == "1\n"
+    assert len(errors) == 1 + len(UNPACKED) and "disk/a.npy: no space left" in errors[0], told
+    for line, ending in zip(errors[1:], UNPACKED, strict=True):
+        assert line.startswith(f"error: disk/a{ending}: ") and not line.endswith("None"), told
+    assert Path("names").read_text() == "a.npy\n"
+    assert Path("left", "a.npy").read_bytes() == Path("old.npy").read_bytes()

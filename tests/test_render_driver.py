@@ -231,7 +231,7 @@ def test_radiance_counts_pixels_from_the_films_corner() -> None:
     scene = lajolla.load_dict(SCENE, crop=(5, 4, 6, 4))
     picture = scene.render().array
     np.testing.assert_allclose(scene.radiance(8, 6), picture[2, 3], rtol=1e-5)
-    with pytest.raises(lajolla.OptionError, match=r"x must be a whole number, not 8\.5"):
+    with pytest.raises(lajolla.OptionError, match=r"pixel must be a whole number, not 8\.5"):
         scene.radiance(8.5, 6)
     for x, y in ((4, 4), (5, 3), (11, 4), (5, 8)):
         with pytest.raises(lajolla.OptionError, match="6 x 4, which begins at 5,4"):

@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from lajolla import _core
 
-def run_tool(name: str, *arguments: str, folder: Path) -> None:
+
+def run_tool(name: str, *arguments: str, folder: Path, **variables: str) -> None:
     """Runs a formatter or linter, from this environment if it is there; without the tool, only CI fails."""
     beside = Path(sys.prefix) / "bin" / name
     tool = str(beside) if beside.exists() else shutil.which(name)
@@ -19,7 +21,9 @@ def run_tool(name: str, *arguments: str, folder: Path) -> None:
         if os.environ.get("CI"):
             pytest.fail(message)
         pytest.skip(message)
-    result = subprocess.run([tool, *arguments], cwd=folder, capture_output=True, text=True, check=False)
+    environment = {**os.environ, **variables}
+    command = [tool, *arguments]
+    result = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
 
 
@@ -29,6 +33,20 @@ def test_python_is_lint_free(repository: Path) -> None:
 
 def test_python_is_formatted(repository: Path) -> None:
     run_tool("ruff", "format", "--check", folder=repository)
+
+
+def test_python_types_agree(repository: Path, tmp_path: Path) -> None:
+    """Also with those of the core, which the build writes beside it, or beside the folders of its levels."""
+    core = Path(_core.__file__).resolve().parent
+    stubs = next(path for path in (core / "_core.pyi", core.parent / "_core.pyi") if path.is_file())
+    (tmp_path / "lajolla").mkdir()
+    shutil.copy(stubs, tmp_path / "lajolla")
+    run_tool("mypy", folder=repository, MYPYPATH=str(tmp_path))
+
+
+def test_what_types_are_not_checked_is_told_in_one_place(repository: Path) -> None:
+    sources = (repository / "src").rglob("*.py")
+    assert [path.name for path in sources if "type: ignore" in path.read_text()] == []  # see pyproject.toml
 
 
 def test_cpp_is_formatted(repository: Path) -> None:

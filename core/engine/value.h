@@ -48,7 +48,7 @@ public:
     void add(std::string key, Value value); // a key that is not there yet
     const Value *find(std::string_view key) const;
     bool contains(std::string_view key) const { return find(key) != nullptr; }
-    std::size_t size() const { return entries_.size(); }
+    std::size_t size() const;
     void reserve(std::size_t size);
     auto begin() const { return entries_.begin(); }
     auto end() const { return entries_.end(); }
@@ -89,6 +89,7 @@ private:
 inline void Dict::add(std::string key, Value value) {
     entries_.emplace_back(std::move(key), std::move(value));
 }
+inline std::size_t Dict::size() const { return entries_.size(); }
 inline void Dict::reserve(std::size_t size) { entries_.reserve(size); }
 
 // A value in words, for messages: 'mis', [1, 2.5], {'texture': 3}.

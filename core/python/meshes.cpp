@@ -177,33 +177,41 @@ void bind_meshes(nb::module_ &m) {
              "vertices (N, 3) float32; faces (M, 3) uint32, indices of vertices; normals (N, 3) float32 of "
              "unit length; "
              "uvs (N, 2) float32. Raises ValueError where shapes or indices do not fit.")
-        .def_prop_ro("vertices",
-                     [](nb::handle self) {
-                         const auto &mesh = nb::cast<const LoadedMesh &>(self);
-                         return view(self, reinterpret_cast<const float *>(mesh.positions.data()),
-                                     {mesh.positions.size(), 3});
-                     })
-        .def_prop_ro("faces",
-                     [](nb::handle self) {
-                         const auto &mesh = nb::cast<const LoadedMesh &>(self);
-                         return view(self, reinterpret_cast<const std::uint32_t *>(mesh.triangles.data()),
-                                     {mesh.triangles.size(), 3});
-                     })
-        .def_prop_ro("normals",
-                     [](nb::handle self) -> nb::object {
-                         const auto &mesh = nb::cast<const LoadedMesh &>(self);
-                         if (mesh.normals.empty()) return nb::none();
-                         return view(self, reinterpret_cast<const float *>(mesh.normals.data()),
-                                     {mesh.normals.size(), 3});
-                     })
+        .def_prop_ro(
+            "vertices",
+            [](nb::handle self) {
+                const auto &mesh = nb::cast<const LoadedMesh &>(self);
+                return view(self, reinterpret_cast<const float *>(mesh.positions.data()),
+                            {mesh.positions.size(), 3});
+            },
+            nb::sig("def vertices(self, /) -> numpy.typing.NDArray[numpy.float32]"))
+        .def_prop_ro(
+            "faces",
+            [](nb::handle self) {
+                const auto &mesh = nb::cast<const LoadedMesh &>(self);
+                return view(self, reinterpret_cast<const std::uint32_t *>(mesh.triangles.data()),
+                            {mesh.triangles.size(), 3});
+            },
+            nb::sig("def faces(self, /) -> numpy.typing.NDArray[numpy.uint32]"))
+        .def_prop_ro(
+            "normals",
+            [](nb::handle self) -> nb::object {
+                const auto &mesh = nb::cast<const LoadedMesh &>(self);
+                if (mesh.normals.empty()) return nb::none();
+                return view(self, reinterpret_cast<const float *>(mesh.normals.data()),
+                            {mesh.normals.size(), 3});
+            },
+            nb::sig("def normals(self, /) -> numpy.typing.NDArray[numpy.float32] | None"))
         .def_prop_ro(
             "uvs",
             [](nb::handle self) -> nb::object {
                 const auto &mesh = nb::cast<const LoadedMesh &>(self);
                 if (mesh.uvs.empty()) return nb::none();
                 return view(self, reinterpret_cast<const float *>(mesh.uvs.data()), {mesh.uvs.size(), 2});
-            })
+            },
+            nb::sig("def uvs(self, /) -> numpy.typing.NDArray[numpy.float32] | None"))
         .def_prop_ro("attributes", &attributes,
+                     nb::sig("def attributes(self, /) -> dict[str, numpy.typing.NDArray[numpy.float32]]"),
                      "Further values per vertex (vertex_...) or per face (face_...).")
         .def_ro("groups", &LoadedMesh::groups,
                 "(material name, first face, number of faces) of an OBJ file's usemtl.")
@@ -219,11 +227,14 @@ void bind_meshes(nb::module_ &m) {
     nb::class_<CurveSet>(m, "Curves", "Control points of curves.")
         .def(nb::new_(&make_curves), "points"_a, "segments"_a,
              "points (N, 4) float32: x, y, z, radius; segments (M,) uint32: the first control point of each.")
-        .def_prop_ro("points", [](nb::handle self) {
-            const auto &curves = nb::cast<const CurveSet &>(self);
-            return view(self, reinterpret_cast<const float *>(curves.points.data()),
-                        {curves.points.size(), 4});
-        });
+        .def_prop_ro(
+            "points",
+            [](nb::handle self) {
+                const auto &curves = nb::cast<const CurveSet &>(self);
+                return view(self, reinterpret_cast<const float *>(curves.points.data()),
+                            {curves.points.size(), 4});
+            },
+            nb::sig("def points(self, /) -> numpy.typing.NDArray[numpy.float32]"));
 
     nb::class_<Image>(m, "Image", "Pixels of a texture.")
         .def(nb::new_(&make_image), "pixels"_a, "srgb"_a = false,

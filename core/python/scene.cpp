@@ -90,7 +90,7 @@ void bind_scene(nb::module_ &m) {
              "other, which gives the same bits.")
         .def("cancel", &Accumulator::cancel, "Stops add(), from another thread.")
         .def_prop_ro("progress", &Accumulator::progress, "Finished fraction of the running add().")
-        .def("image", &image_of,
+        .def("image", &image_of, nb::sig("def image(self) -> numpy.typing.NDArray[numpy.float32]"),
              "Mean of the samples: float32 (height, width, 3 + number of channels); the first three are "
              "linear "
              "sRGB.")

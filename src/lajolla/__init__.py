@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from lajolla import survey as survey
     from lajolla import whole_files as whole_files
     from lajolla.image import Image
+    from lajolla.limits import OptionError
     from lajolla.loading import Scene, load, load_dict
     from lajolla.messages import LajollaWarning
-    from lajolla.options import OptionError
     from lajolla.picture_files import ImageError, ImageWarning
     from lajolla.render import Progress, Rendering
     from lajolla.scene import SceneError, SceneWarning
@@ -63,7 +63,7 @@ _MODULES = tuple(
 _HOMES = {
     "Image": "image",
     **dict.fromkeys(("ImageError", "ImageWarning"), "picture_files"),
-    "OptionError": "options",
+    "OptionError": "limits",
     **dict.fromkeys(("Progress", "Rendering"), "render"),
     **dict.fromkeys(("Scene", "load", "load_dict"), "loading"),
     **dict.fromkeys(("SceneError", "SceneWarning"), "scene"),

@@ -13,6 +13,7 @@ except KeyboardInterrupt:  # before there was anything to hear it
 def main() -> int:
     """Runs the command line; loading it can be interrupted as well."""
     with interrupts.handled_by(interrupts.end_at_once):
+        interrupts.unblock()
         from lajolla import cli, display
 
         display.open_streams()

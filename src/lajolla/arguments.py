@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-import lajolla
+from lajolla.limits import LIMITS, OptionError, check
 
 STREAMS = {"-": "stdout", "/dev/stdout": "stdout", "/dev/stderr": "stderr"}
 ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .m"
@@ -88,7 +88,11 @@ class Version(argparse.Action):
     """Prints the version and the core's instruction set, and ends the program."""
 
     def __call__(self, parser: argparse.ArgumentParser, *rest: object) -> NoReturn:
-        print(f"lajolla {lajolla.__version__} ({lajolla._core.isa})")
+        from importlib.metadata import version  # takes as long as all else that --help needs
+
+        from lajolla import _core
+
+        print(f"lajolla {version('lajolla')} ({_core.isa})")
         parser.exit()
 
 
@@ -192,8 +196,8 @@ def _add_scene(parser: Parser) -> None:
         "--size", type=_size, metavar="WxH", help="size of the film; removes the scene's crop window"
     )
     group.add_argument("--crop", type=_crop, metavar="X,Y,W,H", help="render only this window of the film")
-    group.add_argument("--spp", type=_positive, metavar="N", help="samples per pixel")
-    group.add_argument("--seed", type=_natural, metavar="N", help="seed of the sampler")
+    group.add_argument("--spp", type=_whole("spp"), metavar="N", help="samples per pixel")
+    group.add_argument("--seed", type=_whole("seed"), metavar="N", help="seed of the sampler")
     group.add_argument(
         "--sampler",
         choices=("sobol", "independent"),
@@ -204,7 +208,9 @@ def _add_scene(parser: Parser) -> None:
         metavar="NAME",
         help="integrator to use instead of the scene's (lajolla list integrator)",
     )
-    group.add_argument("--max-depth", type=_depth, metavar="N", help="longest path in segments; -1: no limit")
+    group.add_argument(
+        "--max-depth", type=_whole("max_depth"), metavar="N", help="longest path in segments; -1: no limit"
+    )
 
 
 def _add_render(parser: Parser) -> None:
@@ -245,13 +251,15 @@ def _add_render(parser: Parser) -> None:
         help="tone mapping instead of the film's: exposure only, or Reinhard et al. 2002",
     )
     group = parser.add_argument_group("run")
-    group.add_argument("--threads", type=_positive, metavar="N", help="number of threads (default: all)")
+    group.add_argument(
+        "--threads", type=_whole("threads"), metavar="N", help="number of threads (default: all)"
+    )
     group.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     group.add_argument(
         "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
     )
     group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
-    group.add_argument("--sample", type=_natural, metavar="N", help="with --pixel: only this sample")
+    group.add_argument("--sample", type=_whole("sample"), metavar="N", help="with --pixel: only this sample")
 
 
 def _add_check(parser: Parser) -> None:
@@ -293,39 +301,41 @@ def _add_completion(parser: Parser) -> None:
     )
 
 
-def _numbers(text: str, separator: str, form: str, *, lowest: Sequence[int]) -> tuple[int, ...]:
-    """Integers with their least values; `form` describes the expected format."""
+def _whole(option: str) -> Callable[[str], int]:
+    """A parser of a whole number that the option may be."""
+
+    def parsed(text: str) -> int:
+        (value,) = _numbers(option, text, ",", "a whole number")
+        return value
+
+    return parsed
+
+
+def _numbers(option: str, text: str, separator: str, form: str) -> tuple[int, ...]:
+    """Whole numbers that an option may be; `form` describes the expected format."""
     try:
         values = tuple(int(part) for part in text.split(separator))
     except ValueError:
         values = ()
-    if len(values) != len(lowest) or any(value < low for value, low in zip(values, lowest, strict=True)):
+    if len(values) != len(LIMITS[option]):
         raise argparse.ArgumentTypeError(f"{text!r} is not {form}")
+    try:
+        check(option, values if len(values) > 1 else values[0])
+    except OptionError as problem:
+        raise argparse.ArgumentTypeError(str(problem)) from None
     return values
 
 
-def _positive(text: str) -> int:
-    return _numbers(text, ",", "a whole number from 1", lowest=[1])[0]
-
-
-def _natural(text: str) -> int:
-    return _numbers(text, ",", "a whole number from 0", lowest=[0])[0]
-
-
-def _depth(text: str) -> int:
-    return _numbers(text, ",", "a whole number from -1", lowest=[-1])[0]
-
-
 def _size(text: str) -> tuple[int, ...]:
-    return _numbers(text.lower(), "x", "WIDTHxHEIGHT, such as 640x480", lowest=[1, 1])
+    return _numbers("size", text.lower(), "x", "WIDTHxHEIGHT, such as 640x480")
 
 
 def _crop(text: str) -> tuple[int, ...]:
-    return _numbers(text, ",", "X,Y,WIDTH,HEIGHT, such as 0,0,64,64", lowest=[0, 0, 1, 1])
+    return _numbers("crop", text, ",", "X,Y,WIDTH,HEIGHT, such as 0,0,64,64")
 
 
 def _pixel(text: str) -> tuple[int, ...]:
-    return _numbers(text, ",", "X,Y, such as 10,20", lowest=[0, 0])
+    return _numbers("pixel", text, ",", "X,Y, such as 10,20")
 
 
 def _finite(text: str) -> float:
@@ -359,11 +369,7 @@ def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list
 
 def _refuse_devices(arguments: argparse.Namespace, count: int) -> None:
     """Standard output takes one picture, a pipe one file of any kind."""
-    found = [
-        path
-        for path in arguments.outputs or []
-        if str(path) in STREAMS or lajolla.whole_files.is_device(path)
-    ]
+    found = [path for path in arguments.outputs or [] if _is_stream(path)]
     stats = arguments.stats
     if stats is not None and str(stats) not in STREAMS and stats.is_fifo():
         found.append(stats)
@@ -381,9 +387,13 @@ def _for_sensor(arguments: argparse.Namespace, number: int | None, suffix: str) 
 
 
 def _with_suffix(path: Path, suffix: str) -> Path:
-    if str(path) in STREAMS or lajolla.whole_files.is_device(path):
-        return path
-    return path.with_name(path.stem + suffix + path.suffix)
+    return path if _is_stream(path) else path.with_name(path.stem + suffix + path.suffix)
+
+
+def _is_stream(path: Path) -> bool:
+    from lajolla.whole_files import is_device  # here, as no --help needs it
+
+    return str(path) in STREAMS or is_device(path)
 
 
 def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -> str:

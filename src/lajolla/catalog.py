@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from lajolla.limits import OptionError
 from lajolla.messages import suggestion
-from lajolla.options import OptionError
 from lajolla.scene import core_schema, plugins
 
 Catalog = dict[str, dict[str, Mapping[str, Any]]]

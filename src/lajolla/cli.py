@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import io
 import os
+import resource
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -21,6 +22,10 @@ import lajolla  # its modules are loaded when they are first used, which no --he
 from lajolla.arguments import UsageError, for_each_sensor, parse, replay_command
 from lajolla.display import coloured, discard, print_message, progress_display, rate, safe_messages, say
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
+
+LEAST_MEMORY = (
+    384 << 20
+)  # of addresses: the libraries take most of it when they are loaded, and abort without
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -59,8 +64,17 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
         raise
 
 
+def _check_memory_limit() -> None:
+    """Refuses to start where there is not even memory for the libraries: some of them abort then."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
+        told = f"the limit (ulimit -v) is {limit >> 20} MiB, and {LEAST_MEMORY >> 20} MiB are the least"
+        raise UsageError(f"not enough memory: {told}")
+
+
 def _run_command(arguments: argparse.Namespace) -> int:
     """Runs a command; an error of a scene, option or picture becomes one message."""
+    _check_memory_limit()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy would start threads that spin for nothing
     # This loads the renderer, outside of the block whose handlers need it: the user may interrupt already.
     refusals = (lajolla.OptionError, lajolla.ImageError, lajolla._core.DescriptionError)
@@ -118,7 +132,8 @@ def command_render(arguments: argparse.Namespace) -> int:
     for warning in scene.warnings:
         print_message(warning)
     if arguments.pixel is not None:
-        print(*scene.radiance(*arguments.pixel, arguments.sample))
+        x, y = arguments.pixel
+        print(*scene.radiance(x, y, arguments.sample))
         return 0
     outputs = lajolla.outputs.outputs_of(arguments, scene.film)
     for output in outputs:

@@ -64,4 +64,4 @@ def _comparable(
     if x.shape != y.shape:
         sizes = [f"{array.shape[1]} x {array.shape[0]}" for array in (x, y)]
         raise ImageError(f"the pictures differ in size: {sizes[0]} and {sizes[1]}")
-    return x, y, np.isfinite(x).all(axis=2) & np.isfinite(y).all(axis=2)
+    return x, y, np.asarray(np.isfinite(x).all(axis=2) & np.isfinite(y).all(axis=2))

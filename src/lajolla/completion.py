@@ -31,6 +31,6 @@ def script(shell: str) -> str:
 
 def _complete(action: argparse.Action, known: dict[str, Sequence[str]]) -> None:
     if action.type is Path:
-        action.complete = shtab.FILE  # type: ignore[attr-defined]
+        action.complete = shtab.FILE
     elif action.dest in known and not action.choices:
         action.choices = list(known[action.dest])

@@ -52,6 +52,12 @@ def handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[Non
             signal.signal(number, previous[number])
 
 
+def unblock() -> None:
+    """Hears signals from now on, those too that came while the launcher had them blocked: Python, when it
+    starts, answers Ctrl-C with a traceback."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+
+
 class Patience:
     """A handler for work that ends in a save: the first signal stops the work, the next one while saving is
     answered, and one more ends the program.

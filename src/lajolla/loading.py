@@ -11,17 +11,10 @@ from numpy.typing import NDArray
 
 from lajolla import _core
 from lajolla.image import Image
+from lajolla.limits import OptionError, check
 from lajolla.messages import names_checked, suggestion, warn
-from lajolla.options import (
-    MAX_SAMPLES,
-    MAX_SEED,
-    MAX_SIZE,
-    OptionError,
-    Options,
-    apply_options,
-    check_range,
-)
-from lajolla.render import MAX_THREADS, Progress, Rendering, available_threads
+from lajolla.options import Options, apply_options
+from lajolla.render import Progress, Rendering, available_threads
 from lajolla.scene import (
     Description,
     SceneFile,
@@ -67,12 +60,11 @@ class Scene:
         self, *, spp: int | None = None, seed: int | None = None, threads: int | None = None
     ) -> Rendering:
         """A Rendering to run step by step; see `render`."""
+        for name, value in (("spp", spp), ("seed", seed), ("threads", threads)):
+            check(name, value)
         spp = self.core.sample_count if spp is None else spp
         seed = self.core.seed if seed is None else seed
         threads = available_threads() if threads is None else threads
-        check_range("spp", spp, 1, MAX_SAMPLES)
-        check_range("seed", seed, 0, MAX_SEED)
-        check_range("threads", threads, 1, MAX_THREADS)
         return Rendering(self.core, spp=spp, seed=seed, threads=threads, film=self.film)
 
     @names_checked
@@ -103,15 +95,13 @@ class Scene:
         The pixel is counted from the film's corner, whatever the crop window. Unlike in a picture, values
         that are not finite stay what they are. Raises OptionError outside of the picture.
         """
-        check_range("x", x, 0, MAX_SIZE)
-        check_range("y", y, 0, MAX_SIZE)
+        for name, value in (("pixel", (x, y)), ("sample", sample), ("seed", seed)):
+            check(name, value)
         left, top = self.core.crop_offset
         if not (left <= x < left + self.width and top <= y < top + self.height):
             begin = f", which begins at {left},{top}" if left or top else ""
             raise OptionError(f"pixel {x},{y} is outside of the picture, {self.width} x {self.height}{begin}")
         seed = self.core.seed if seed is None else seed
-        check_range("seed", seed, 0, MAX_SEED)
-        check_range("sample", sample, 0, MAX_SAMPLES - 1)
         samples = range(self.core.sample_count) if sample is None else [sample]
         values = [_core.sample_radiance(self.core, seed, x, y, index) for index in samples]
         return np.mean(np.asarray(values, np.float64), axis=0)

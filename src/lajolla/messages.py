@@ -7,7 +7,7 @@ import functools
 import sys
 import warnings
 from collections.abc import Callable, Collection
-from typing import TypeVar
+from typing import TypeVar, cast
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -32,7 +32,7 @@ def suggestion(name: str, known: Collection[str]) -> str:
 
 def names_checked(function: Function) -> Function:
     """Lets a function answer an unknown option with the nearest one that it has, as a TypeError."""
-    code = function.__code__  # type: ignore[attr-defined]
+    code = function.__code__
     known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
 
     @functools.wraps(function)
@@ -42,4 +42,4 @@ def names_checked(function: Function) -> Function:
             raise TypeError(f"{function.__qualname__}() has no option {name!r}{suggestion(name, options_of)}")
         return function(*values, **options)
 
-    return checked  # type: ignore[return-value]
+    return cast("Function", checked)

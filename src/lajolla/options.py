@@ -1,20 +1,12 @@
 """Render options, and their effect on the description."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, SupportsIndex
+from typing import Any
 
+from lajolla.limits import LIMITS, OptionError, check
 from lajolla.messages import suggestion
 from lajolla.scene import core_schema, plugins_by_kind
-
-MAX_SAMPLES = 2**30  # as in the core
-MAX_SEED = 2**32 - 1
-MAX_SIZE = 65536
-MAX_INTEGER = 2**31 - 1
-
-
-class OptionError(ValueError):
-    """A render option that does not fit the scene."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +24,9 @@ class Options:
 
     def __post_init__(self) -> None:
         """Raises OptionError for invalid values."""
-        check_range("spp", self.spp, 1, MAX_SAMPLES)
-        check_range("seed", self.seed, 0, MAX_SEED)
-        check_range("max_depth", self.max_depth, -1, MAX_INTEGER)
-        _check_window("size", self.size, (1, 1), MAX_SIZE)
-        _check_window("crop", self.crop, (0, 0, 1, 1), MAX_SIZE)
-        if self.sensor is not None and not isinstance(self.sensor, str):
-            check_range("sensor", self.sensor, 0, MAX_INTEGER)
+        for name, value in vars(self).items():
+            if name in LIMITS and not (name == "sensor" and isinstance(value, str)):
+                check(name, value)
         _check_name("sampler", self.sampler, lambda: list(core_schema()["sampler"]))
         integrators = plugins_by_kind()["integrator"]
         _check_name("integrator", self.integrator, lambda: [plugin.name for plugin in integrators.values()])
@@ -47,25 +35,6 @@ class Options:
 def _check_name(kind: str, name: str | None, known: Callable[[], list[str]]) -> None:
     if name is not None and name not in known():
         raise OptionError(f"unknown {kind} {name!r}{suggestion(str(name), known())}")
-
-
-def check_range(name: str, value: int | None, lowest: int, highest: int) -> None:
-    """Accepts whole numbers of any type, and None, which means the scene's own value."""
-    if value is None:
-        return
-    if isinstance(value, bool) or not isinstance(value, SupportsIndex):
-        raise OptionError(f"{name} must be a whole number, not {value!r}")
-    if not lowest <= value <= highest:
-        raise OptionError(f"{name} must be in {lowest} to {highest}, not {value}")
-
-
-def _check_window(name: str, values: Sequence[int] | None, lowest: Sequence[int], highest: int) -> None:
-    if values is None:
-        return
-    if not isinstance(values, Sequence) or len(values) != len(lowest):
-        raise OptionError(f"{name} must be {len(lowest)} whole numbers, not {values!r}")
-    for value, low in zip(values, lowest, strict=True):
-        check_range(name, value, low, highest)
 
 
 def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:

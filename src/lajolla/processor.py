@@ -60,10 +60,9 @@ def choose(levels: Sequence[str], flags: set[str] | None, wanted: str = "") -> s
         return levels[0]
     runs = [level for level in levels if not _lacking(level, flags)]
     if not runs:
-        lacking = " ".join(_lacking(levels[0], flags))
-        raise LevelError(
-            f"lajolla needs a processor of at least {levels[0]}; this one does not have {lacking}"
-        )
+        lowest = levels[0]
+        missing = " ".join(_lacking(lowest, flags))
+        raise LevelError(f"lajolla needs a processor of at least {lowest}; this one does not have {missing}")
     return runs[-1]
 
 

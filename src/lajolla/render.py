@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from lajolla import _core
 from lajolla.film import Film
 from lajolla.image import Image
+from lajolla.limits import LIMITS
 
 PASS_SECONDS = 2.0  # passes grow until they take about this long; an interrupted one is lost
 POLL_SECONDS = 0.1
 
 DEFAULT_FILM = Film()
-MAX_THREADS = 1024  # TBB hangs far above
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,7 @@ class Rendering:
 
 def available_threads() -> int:
     """The number of processors that this process may use."""
+    ((_, most),) = LIMITS["threads"]
     if hasattr(os, "sched_getaffinity"):
-        return min(MAX_THREADS, len(os.sched_getaffinity(0)))
-    return min(MAX_THREADS, os.cpu_count() or 1)
+        return min(most, len(os.sched_getaffinity(0)))
+    return min(most, os.cpu_count() or 1)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lajolla import _core
+from lajolla.limits import OptionError
 from lajolla.loading import Scene
-from lajolla.options import OptionError
 from lajolla.scene import SceneError
 from lajolla.scene.syntax.files import file_bytes
 
@@ -117,9 +117,9 @@ def table(folder: Path, findings: Sequence[Finding]) -> Iterator[str]:
     width = max((len(name) for name in names), default=0)
     yield f"{'scene':{width}}  opened  warnings  error"
     for name, finding in zip(names, findings, strict=True):
-        opened, warnings = ("no", "") if finding.error else ("yes", str(finding.warnings))
+        answer, warnings = ("no", "") if finding.error else ("yes", str(finding.warnings))
         message = finding.error.removeprefix(f"{finding.path}:")
-        yield f"{name:{width}}  {opened:6}  {warnings:>8}  {message}".rstrip()
+        yield f"{name:{width}}  {answer:6}  {warnings:>8}  {message}".rstrip()
     opened = sum(not finding.error for finding in findings)
     silent = sum(not finding.error and finding.warnings == 0 for finding in findings)
     failed = len(findings) - opened

@@ -95,7 +95,8 @@ def replacing(path: Path, ending: str | None = None) -> Iterator[Path]:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise ImageError(f"{path}: cannot be written: {error.strerror}") from error
+        reason = error.strerror or "only a part of it was taken, as by a full disk"  # NumPy tells no more
+        raise ImageError(f"{path}: cannot be written: {reason}") from error
 
 
 def _temporary_prefix(target: Path) -> str:

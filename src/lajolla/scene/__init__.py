@@ -20,12 +20,12 @@ import numpy as np
 
 from lajolla import _core
 from lajolla.film import Film
-from lajolla.picture_files import Budget
 
 from .description import cameras
 from .description.assemble import assemble
 from .description.builder import Builder, plugins_by_kind
 from .description.plugins import READER_PLUGINS
+from .description.substitutes import SUBSTITUTES
 from .formats.images import Pixels
 from .schema import core_schema
 from .syntax.dict_reader import nodes_from_dict
@@ -156,16 +156,16 @@ def convert(
     from .export.write import scene_text
 
     tree, builder = _read(path, parameters, strict)
+    builder.kept = {}
     description = _describe(tree, builder)
-    diagnostics = Diagnostics()
-    builder = replace(builder, diagnostics=diagnostics, pictures=Budget())  # some are read again
+    builder.diagnostics.strict = False  # what is read is read, and what is lost is no mistake
     target = Path(target)
     stem = target.stem.encode("utf-8", "replace").decode()
     translator = Translator(builder, target.parent, stem, pack)
     with blamed_on(tree.root.location):
         text = scene_text(translator.scene(tree.root, description.core))
     known = {warning.message for warning in description.warnings}
-    new = [warning for warning in diagnostics.warnings if warning.message not in known]
+    new = [warning for warning in builder.diagnostics.warnings if warning.message not in known]
     return Export(text, translator.packed, [*description.warnings, *new])
 
 
@@ -189,9 +189,9 @@ def describe(
         SceneError: the scene cannot be read; the message contains the location and the reason.
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
-    builder = Builder(_core, Diagnostics(strict), [base], two_sided, integrator, sensor)
-    with blamed_on(Location(Source("scene", b"", base))):
-        tree = nodes_from_dict(scene_dict, base, builder.table)
+    builder = Builder(Diagnostics(strict), [base], two_sided, integrator, sensor)
+    with blamed_on(Location(Source("scene", b"", base))), np.errstate(all="ignore"):
+        tree = nodes_from_dict(scene_dict, base, builder.table, SUBSTITUTES)
     return _describe(_opened(tree, builder), builder)
 
 
@@ -211,8 +211,9 @@ def _read(
     diagnostics = Diagnostics(strict)
     path, data = _named(file)
     document = expand_file(path, parameters, diagnostics, data=data, required_names=required_names)
-    tree = nodes_from_elements(document.root, diagnostics)
-    builder = Builder(_core, diagnostics, document.search_paths)
+    with np.errstate(all="ignore"):
+        tree = nodes_from_elements(document.root, diagnostics)
+    builder = Builder(diagnostics, document.search_paths)
     return _opened(tree, builder), builder
 
 

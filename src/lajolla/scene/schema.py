@@ -1,20 +1,13 @@
-"""What a plugin is to the reader: a name, a line of doc, its fields, and how to build it."""
+"""What plugins declare: fields, and children and properties that are none."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 from lajolla import _core
-
-if TYPE_CHECKING:
-    from .description.builder import Builder
-    from .syntax.nodes import Node
-
-# What descriptions and properties hold: numbers, strings, tuples, arrays, core objects, dicts of these.
-Content: TypeAlias = Any
 
 # A core model's schema: {kind: {name: {"doc": str, "fields": [{"name": str, "type": str, ...}]}}}.
 Schema: TypeAlias = Mapping[str, Mapping[str, Mapping[str, Any]]]
@@ -94,63 +87,16 @@ class Field:
     choices: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class AdapterId:
-    """An entry of the description's adapters."""
+class Declared(Protocol):
+    """A plugin as far as names go."""
 
-    index: int
+    @property
+    def name(self) -> str:
+        """As scene files write it."""
 
-
-BLACK = -1
-MaterialId: TypeAlias = int | AdapterId  # the index of a bsdf, an adapter, or BLACK
-
-
-@dataclass(frozen=True)
-class Slot:
-    """A material slot: what is seen from the front, and from behind."""
-
-    front: MaterialId
-    back: MaterialId = BLACK
-
-
-@dataclass(frozen=True)
-class Part:
-    """One of several shapes that a shape of the file becomes, and its bsdf; None: the default one."""
-
-    entry: dict[str, Any]
-    bsdf: Node | None
-
-
-@dataclass(frozen=True)
-class Plugin:
-    """A plugin of scene files.
-
-    `build(builder, node, values)` gets the values of the properties that were given, converted, and returns
-    what the kind asks for: a description entry; for textures also a colour; for bsdfs also a `Slot`; for
-    shapes also a list of `Part`s.
-    """
-
-    kind: str
-    name: str
-    doc: str  # empty: that of the core model of the same name
-    fields: tuple[Field, ...]
-    build: Callable[[Builder, Node, dict[str, Any]], Any]
-    children: tuple[str, ...] = ()
-    model: str = ""  # the core model that it makes, whose fields it shares
-    hidden: tuple[str, ...] = ()  # fields of the model that scenes do not set
-
-    def with_model(self, schema: Schema) -> Plugin:
-        """The same plugin with the fields of its core model before its own, and its doc if it has none."""
-        kind = "adapter" if self.model in schema.get("adapter", {}) else self.kind
-        doc = self.doc or schema.get(kind, {}).get(self.name, {"doc": ""})["doc"]
-        shared = fields_of(schema, kind, self.model) if self.model else ()
-        own = {f.name for f in self.fields}
-        kept = [f for f in shared if f.name not in own and f.name not in self.hidden]
-        return Plugin(self.kind, self.name, doc, (*kept, *self.fields), self.build, self.children, self.model)
-
-    def described(self) -> dict[str, Any]:
-        """The plugin in the form of `_core.schema()`."""
-        return {"doc": self.doc, "fields": [asdict(f) | {"choices": list(f.choices)} for f in self.fields]}
+    @property
+    def fields(self) -> Sequence[Field]:
+        """Its parameters."""
 
 
 @cache
@@ -163,7 +109,5 @@ def fields_of(schema: Schema, kind: str, name: str) -> tuple[Field, ...]:
     """The fields of a core model; none where the core does not have it."""
     model = schema.get(kind, {}).get(name, {"fields": []})
     known = Field.__dataclass_fields__
-    return tuple(
-        Field(**{k: tuple(v or ()) if k == "choices" else v for k, v in f.items() if k in known})
-        for f in model["fields"]
-    )
+    fields = ({key: value for key, value in field.items() if key in known} for field in model["fields"])
+    return tuple(Field(**{**field, "choices": tuple(field["choices"] or ())}) for field in fields)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from ..syntax.nodes import Array
 from .spectra import Y_INTEGRAL, integrate
@@ -96,7 +97,7 @@ BLOCK = 1 << 18  # pixels that are computed at a time
 
 def sky_map(
     sun: Array, turbidity: float, albedo: Array, width: int, *, stretch: float = 1, extend: bool = False
-) -> tuple[Array, float]:
+) -> tuple[npt.NDArray[np.float32], float]:
     """The sky as an environment map whose +y is up.
 
     Args:
@@ -105,7 +106,7 @@ def sky_map(
         albedo: (3,) of the ground.
         width: pixels around the horizon.
         stretch: factor on the angle from the zenith, 1 ... 2: the sky ends at 90 degrees times this.
-        extend: the sky goes on below the horizon, darker towards the nadir.
+        extend: extend the sky below the horizon, darker towards the nadir.
 
     Returns:
         (map_height(width), width, 3) float32, and the angle in degrees from the zenith to its last row.
@@ -118,7 +119,7 @@ def sky_map(
         theta = end * np.arange(first, min(first + rows, height))[:, None] / (height - 1)
         block = _sky_rows(theta, sun, turbidity, albedo, width, stretch=stretch, extend=extend)
         result[first : first + rows] = block
-    return result, float(np.degrees(end))
+    return result, math.degrees(end)
 
 
 def map_height(width: int) -> int:
@@ -192,7 +193,7 @@ def preetham_sun(elevation: float, turbidity: float) -> Array:
     mass = 1 / (math.sin(elevation) + 0.15 * (3.885 + degrees) ** -1.253)  # relative optical mass
     dust = 0.04608365822050 * turbidity - 0.04586025928522
     ozone, gas, water = (
-        np.interp(wavelengths, *np.array(table).T, left=0, right=0)
+        np.interp(wavelengths, [at for at, _ in table], [value for _, value in table], left=0, right=0)
         for table in (OZONE, MIXED_GASES, WATER_VAPOUR)
     )
     optical_depth = (

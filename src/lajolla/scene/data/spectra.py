@@ -7,15 +7,11 @@ without an upper bound.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from lajolla.colour import xyz_to_rgb
 
-from ..syntax.errors import Diagnostics, Location, SceneError
-from ..syntax.files import file_bytes
-from ..syntax.literals import Text, checked_spectrum, parse_floats
+from ..syntax.errors import Diagnostics, Location
 from ..syntax.nodes import Array, Blackbody, Rgb, Spectrum
 from .cie import ILLUMINANT_D65, OBSERVER_1931, WAVELENGTHS
 
@@ -75,23 +71,3 @@ def to_rgb(
         diagnostics.warn(f"the colour ({shown}) has a negative part, which becomes zero", location)
     red, green, blue = (float(v) for v in np.maximum(rgb, 0.0))
     return (red, green, blue)
-
-
-def read_spd(path: Path, location: Location) -> Spectrum:
-    """Reads an `.spd` file: a wavelength in nm and a value per line, `#` starts a comment.
-
-    Raises:
-        SceneError: the file cannot be read as that.
-    """
-    try:
-        text = file_bytes(path).decode()
-    except (OSError, UnicodeError):
-        raise SceneError(f'"{path}" cannot be read as a text file', location) from None
-    pairs = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        if content := line.partition("#")[0].strip():
-            try:
-                pairs.append(parse_floats(Text(content, location), (2,)))
-            except SceneError:  # which quotes the file
-                raise SceneError(f'"{path}", line {number}: expected 2 numbers', location) from None
-    return checked_spectrum(tuple(p[0] for p in pairs), tuple(p[1] for p in pairs), location)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
-from ..schema import BLACK, Slot
 from ..syntax.errors import SceneError, did_you_mean
 from ..syntax.nodes import Node, Property, Rgb, below
 from . import cameras
@@ -17,14 +15,14 @@ from .inside import is_inside
 from .instances import add_instance, check_size
 from .mapping import warn_of_missing_coordinates
 from .outputs import description_of, repeated
-from .plugins.adapters import lets_light_through
+from .plugin import BLACK, Entry, FilmPart, Part, Slot
 
 ENVIRONMENTS = ("envmap", "constant", "sky", "sunsky")
 NEVER_LIGHTS = ("sdfgrid",)
 WITHOUT_MEDIA = ("path", "direct")
 
 
-def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
+def assemble(builder: Builder, scene: Node) -> Entry:
     """The description of a scene; see docs/architecture.md.
 
     Raises:
@@ -53,7 +51,7 @@ def assemble(builder: Builder, scene: Node) -> dict[str, Any]:
     if inside:
         camera["medium"] = builder.index(inside)
     film = _only(builder, sensor, "film") or _implied(sensor, "film", "hdrfilm")
-    size = _one(builder, film)
+    size = _film(builder, film)
     rfilter = _only(builder, film, "rfilter") or _implied(film, "rfilter", _default_filter(film))
     output = _output(builder, _integrator(builder, scene))
     _warn_of_unseen_media(builder, output["integrator"]["type"], camera, sensor)
@@ -81,7 +79,7 @@ def _default_filter(film: Node) -> str:
     return "box" if film.plugin.lower() == "mfilm" else "gaussian"
 
 
-def _output(builder: Builder, integrator: Node) -> dict[str, Any]:
+def _output(builder: Builder, integrator: Node) -> Entry:
     """The integrators and channels of the description."""
     builder.places["integrator"] = integrator.location
     description = description_of(builder.picture(integrator), alpha=builder.film.has_alpha)
@@ -103,13 +101,23 @@ def _only(builder: Builder, parent: Node, kind: str) -> Node | None:
     return found[0] if found else None
 
 
-def _one(builder: Builder, node: Node) -> dict[str, Any]:
+def _one(builder: Builder, node: Node) -> Entry:
     """The entry of an object of which a scene has one."""
     builder.places[node.kind] = node.location
     entry = builder.construct(node)
-    if entry is None:
+    if not isinstance(entry, dict):
         raise SceneError(f"{node} is not supported", node.plugin_location)
     return entry
+
+
+def _film(builder: Builder, node: Node) -> Entry:
+    """The size of the picture; how it is written is the builder's."""
+    builder.places["film"] = node.location
+    part = builder.construct(node)
+    if not isinstance(part, FilmPart):
+        raise SceneError(f"{node} is not supported", node.plugin_location)
+    builder.film, builder.layers = part.film, part.layers
+    return part.entry
 
 
 def _implied(parent: Node, kind: str, plugin: str) -> Node:
@@ -131,20 +139,20 @@ def _integrator(builder: Builder, scene: Node) -> Node:
 
 
 def _default_integrator(builder: Builder, scene: Node) -> Node:
-    """Direct light in files before 2.0; a path tracer, with a warning, in newer ones."""
-    if scene.version < (2, 0, 0):
-        return _implied(scene, "integrator", "direct")
+    """What the version of the file implies; else a path tracer, with a warning."""
+    if scene.unsaid.integrator:
+        return _implied(scene, "integrator", scene.unsaid.integrator)
     builder.diagnostics.unknown('the scene has no integrator; "path" is used', scene.location)
     return _implied(scene, "integrator", "path")
 
 
-def _missing_sensor(builder: Builder, scene: Node) -> dict[str, Any]:
-    """In files before 2.0, a camera that sees the whole scene; newer files must have one."""
+def _missing_sensor(builder: Builder, scene: Node) -> Entry:
+    """A camera that sees everything where the version of the file implies one; other files must have one."""
     cameras.report_missing_camera(builder, scene)
     return default_camera(builder.shapes, builder.groups, builder.instances)
 
 
-def _warn_of_unseen_media(builder: Builder, integrator: str, camera: dict[str, Any], sensor: Node) -> None:
+def _warn_of_unseen_media(builder: Builder, integrator: str, camera: Entry, sensor: Node) -> None:
     """Warns about media that the integrator ignores, and about a camera in a medium that it does not name."""
     if not builder.media:
         return
@@ -192,7 +200,7 @@ def _media(builder: Builder, shape: Node) -> dict[str, int]:
 def _add_emitter(builder: Builder, node: Node) -> None:
     entries = builder.construct(node)
     for entry in entries if isinstance(entries, list) else [entries]:
-        if entry is not None:
+        if isinstance(entry, dict):
             builder.add("emitters", entry, node)
 
 
@@ -206,13 +214,13 @@ def _warn_of_unused_area_lights(builder: Builder, scene: Node) -> None:
 
 def _warn_of_several_environments(builder: Builder, scene: Node) -> None:
     found = [n for _, n in scene.children("emitter") if n.plugin.lower() in ENVIRONMENTS]
-    if len(found) > 1 and scene.version >= (2, 0, 0):
+    if len(found) > 1 and not scene.unsaid.lights_add_up:
         builder.diagnostics.warn("several environment lights: they add up", found[1].location)
 
 
 def _add_missing_light(builder: Builder, scene: Node) -> None:
-    """In files before 2.0 sun and sky, as Mitsuba 0.6 adds them; newer ones are dark."""
-    if scene.version >= (2, 0, 0) or any(True for _ in scene.children("emitter")):
+    """Sun and sky where the version of the file implies them, as Mitsuba 0.6 adds them; else it is dark."""
+    if not scene.unsaid.daylight or any(True for _ in scene.children("emitter")):
         builder.diagnostics.warn("the scene has no light and is black", scene.location)
         return
     builder.diagnostics.warn("the scene has no light; sun and sky are added", scene.location)
@@ -232,10 +240,11 @@ def _add_missing_light(builder: Builder, scene: Node) -> None:
 def _add_shape(builder: Builder, node: Node) -> list[int]:
     """Adds the shapes of a node to the scene; their indices, none for groups and instances."""
     entry = builder.construct(node)
-    if entry is None:
-        return []
     if isinstance(entry, list):
-        return [_add_part(builder, node, part.entry, part.bsdf) for part in entry]
+        parts = [part for part in entry if isinstance(part, Part)]
+        return [_add_part(builder, node, part.entry, part.bsdf) for part in parts]
+    if not isinstance(entry, dict):
+        return []
     if entry["type"] == "shapegroup":
         return []
     if entry["type"] == "instance":
@@ -246,7 +255,7 @@ def _add_shape(builder: Builder, node: Node) -> list[int]:
     return [_add_part(builder, node, entry, _only(builder, node, "bsdf"))]
 
 
-def _add_part(builder: Builder, node: Node, entry: dict[str, Any], bsdf: Node | None) -> int:
+def _add_part(builder: Builder, node: Node, entry: Entry, bsdf: Node | None) -> int:
     """Adds one shape of the description, with its light, its media and its material."""
     emitter = -1 if entry["type"] in NEVER_LIGHTS else _area_light(builder, node)
     if entry["type"] in NEVER_LIGHTS and any(True for _ in node.children("emitter")):
@@ -264,7 +273,9 @@ def _area_light(builder: Builder, shape: Node) -> int:
     if node.plugin.lower() != "area":
         builder.diagnostics.unknown(f"{node} is not allowed inside a shape; it is ignored", node.location)
         return -1
-    return builder.add("emitters", builder.construct(node), node)
+    entry = builder.construct(node)
+    assert isinstance(entry, dict)
+    return builder.add("emitters", entry, node)
 
 
 def _material(builder: Builder, shape: Node, bsdf: Node | None, *, emits: bool) -> Slot:
@@ -272,18 +283,17 @@ def _material(builder: Builder, shape: Node, bsdf: Node | None, *, emits: bool) 
     if slot is None:
         slot = builder.slot(_default_bsdf(shape, emits=emits))
     assert slot is not None
-    opaque = not lets_light_through(builder, slot.front)
+    opaque = not builder.lets_light_through(slot.front)
     if builder.two_sided and opaque and slot.back == BLACK:
         return Slot(slot.front, slot.front)
     return slot
 
 
 def _default_bsdf(shape: Node, *, emits: bool) -> Node:
-    """Black on lights; nothing around a medium in files before 2.0; else grey."""
+    """Black on lights; around a medium what the version of the file implies; else grey."""
     location = shape.location
     if emits:
         black = Property("reflectance", Rgb((0.0, 0.0, 0.0)), location, location)
         return Node("bsdf", "diffuse", location, location, properties=[black])
     has_medium = any(True for _ in shape.children("medium"))
-    invisible = has_medium and shape.version < (2, 0, 0)
-    return Node("bsdf", "null" if invisible else "diffuse", location, location)
+    return Node("bsdf", shape.unsaid.boundary if has_medium else "diffuse", location, location)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from ..schema import Content
 from ..syntax.nodes import Node
-
-if TYPE_CHECKING:
-    from .builder import Builder
+from .plugin import Colour, Context, Entry, Use
 
 Bounds: TypeAlias = tuple[float, float]  # the least and the largest value of any channel
 
@@ -20,38 +17,36 @@ LARGEST = float(np.finfo(np.float32).max)
 OUTSIDE = {"zero": 0.0, "one": 1.0}  # what wrap modes put around a picture
 
 
-def within(builder: Builder, value: dict[str, int], limits: Bounds, node: Node) -> dict[str, int]:
+def within(context: Context, value: Use, limits: Bounds, node: Node) -> Use:
     """The texture itself if all its values are within the limits, else one that clamps it."""
-    found = bounds_of(builder, value)
+    found = bounds_of(context, value)
     if limits == ANYTHING or (found and limits[0] <= found[0] and found[1] <= limits[1]):
         return value
     low, high = (min(max(limit, -LARGEST), LARGEST) for limit in limits)
     clamped = {"type": "clamped", "texture": value, "low": low, "high": high}
-    return {"texture": builder.add_once("textures", clamped, node)}
+    return {"texture": context.add_once("textures", clamped, node)}
 
 
-def bounds_of(builder: Builder, value: Content) -> Bounds | None:
+def bounds_of(context: Context, value: Use | float | Colour) -> Bounds | None:
     """The bounds of a number, a colour or `{"texture": index}`; None where they are not known."""
     if not isinstance(value, dict):
-        numbers = np.ravel(value)
+        numbers = np.ravel(np.asarray(value, float))
         return float(numbers.min()), float(numbers.max())
-    key = ("bounds", value["texture"])
-    if key not in builder.files:
-        builder.files[key] = _bounds(builder, builder.textures[value["texture"]])
-    return builder.files[key]
+    index = value["texture"]
+    return context.once(("bounds", index), lambda: _bounds(context, context.entry("textures", index)))
 
 
-def _bounds(builder: Builder, entry: dict[str, Any]) -> Bounds | None:
+def _bounds(context: Context, entry: Entry) -> Bounds | None:
     kind = entry["type"]
     if kind == "bitmap":
         beyond = OUTSIDE.get(entry.get("wrap_mode", ""))
         return _hull([entry["image"].bounds(), *([] if beyond is None else [(beyond, beyond)])])
-    fields = builder.table["texture"][kind].fields
+    fields = context.declared("texture", kind)
     if kind == "clamped":
         default = {f.name: f.default for f in fields}
         return entry.get("low", default["low"]), entry.get("high", default["high"])
     parts = [entry.get(f.name, f.default) for f in fields if f.type == "texture_spectrum"]
-    known = [bounds for part in parts if (bounds := bounds_of(builder, part)) is not None]
+    known = [bounds for part in parts if (bounds := bounds_of(context, part)) is not None]
     if not parts or len(known) < len(parts):
         return (0.0, 1.0) if kind == "curvature" else None
     return _product(*known) if kind == "scale" else _hull(known)

@@ -2,38 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
-from types import ModuleType
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, TypeVar, cast
 
+from lajolla import _core
 from lajolla.film import Film
 from lajolla.picture_files import Budget
 
-from ..schema import (
-    BLACK,
-    CHILDREN,
-    HARMLESS,
-    TEXTURED,
-    AdapterId,
-    Content,
-    Field,
-    MaterialId,
-    Plugin,
-    Slot,
-    core_schema,
-    fields_of,
-)
+from ..schema import CHILDREN, HARMLESS, TEXTURED, Field, core_schema, fields_of
 from ..syntax.errors import Diagnostics, Location, SceneError, blamed_on, did_you_mean
 from ..syntax.files import MissingFile, find_file
 from ..syntax.nodes import Node, Property
-from .outputs import Picture
+from .outputs import Layer, Picture
+from .plugin import (
+    BLACK,
+    AdapterId,
+    Built,
+    Colour,
+    Constant,
+    Context,
+    Entry,
+    MaterialId,
+    Plugin,
+    Slot,
+    Use,
+    Values,
+    is_child,
+)
 from .plugins import READER_PLUGINS
-from .plugins.films import Layer
 from .substitutes import DROPPED, NESTED, for_substitute, misspelt, substitute_for
 from .values import convert
+
+Made = TypeVar("Made")
 
 # Objects that a scene can do without: one whose file is missing is left out.
 DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
@@ -88,49 +91,58 @@ def _of_model(kind: str, name: str) -> Plugin:
     """A model of the core as a plugin."""
     schema = core_schema()
     fields, doc = fields_of(schema, kind, name), schema[kind][name]["doc"]
-    return Plugin(kind, name, doc, fields, _entry, CHILDREN.get(kind, ()), model=name)
+
+    def build(context: Context, node: Node, values: Values) -> Entry:
+        return {"type": name, **values}
+
+    return Plugin(kind, name, doc, fields, build, CHILDREN.get(kind, ()), model=name)
 
 
-def _entry(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    plugin = builder.plugin(node)
-    assert plugin is not None
-    return {"type": plugin.model, **values}
+@dataclass(frozen=True)
+class Construction:
+    """How a node was built."""
+
+    node: Node | None  # the node itself, or what stands in for it; None where it is ignored
+    values: Values
+    result: Built
 
 
 @dataclass
 class Builder:
     """Builds a description."""
 
-    core: ModuleType
     diagnostics: Diagnostics
     search_paths: list[Path]
     two_sided: bool = False
     integrator: str | None = None  # in place of the scene's
     sensor: str | int | None = None  # which one of several, by id or number
     table: Mapping[str, Mapping[str, Plugin]] = field(default_factory=plugins_by_kind)
-    textures: list[dict[str, Any]] = field(default_factory=list)
+    textures: list[Entry] = field(default_factory=list)
     lookups: list[int] = field(default_factory=list)  # of each texture, how many it takes
-    bsdfs: list[dict[str, Any]] = field(default_factory=list)
+    bsdfs: list[Entry] = field(default_factory=list)
     transmissive: list[bool] = field(default_factory=list)  # of each bsdf, whether light passes through
-    adapters: list[dict[str, Any]] = field(default_factory=list)
-    materials: list[dict[str, Any]] = field(default_factory=list)
-    emitters: list[dict[str, Any]] = field(default_factory=list)
-    shapes: list[dict[str, Any]] = field(default_factory=list)
-    volumes: list[dict[str, Any]] = field(default_factory=list)
-    phases: list[dict[str, Any]] = field(default_factory=list)
-    media: list[dict[str, Any]] = field(default_factory=list)
-    groups: list[dict[str, Any]] = field(default_factory=list)
-    instances: list[dict[str, Any]] = field(default_factory=list)
+    adapters: list[Entry] = field(default_factory=list)
+    materials: list[Entry] = field(default_factory=list)
+    emitters: list[Entry] = field(default_factory=list)
+    shapes: list[Entry] = field(default_factory=list)
+    volumes: list[Entry] = field(default_factory=list)
+    phases: list[Entry] = field(default_factory=list)
+    media: list[Entry] = field(default_factory=list)
+    groups: list[Entry] = field(default_factory=list)
+    instances: list[Entry] = field(default_factory=list)
     film: Film = field(default_factory=Film)  # how the picture is written
-    layers: list[Layer] = field(default_factory=list)  # what the film says of integrators in `multichannel`
-    built: dict[Node, Any] = field(default_factory=dict)  # textures and bsdfs are shared
+    layers: tuple[Layer, ...] = ()  # what the film says of integrators in `multichannel`
+    uses: dict[Node, Built] = field(default_factory=dict)  # of textures and volumes
+    materials_of: dict[Node, Slot | None] = field(default_factory=dict)  # bsdfs
+    indices_of: dict[Node, int] = field(default_factory=dict)  # phase functions and media
     indices: dict[str, int] = field(default_factory=dict)  # of bsdfs and adapters by what they are
     slots: dict[Slot, int] = field(default_factory=dict)
     places: dict[str, Location] = field(default_factory=dict)  # of entries: "shapes[3]"
     pictures: Budget = field(default_factory=Budget)
     sky_pixels: int = 0  # of the pictures of skies
     settings: dict[Path, int] = field(default_factory=dict)  # number of settings each file is read with
-    files: dict[tuple[Any, ...], Any] = field(default_factory=dict)  # meshes and images are read once
+    kept: dict[Node, Construction] | None = None  # how nodes were built, for the way out
+    made: dict[Hashable, object] = field(default_factory=dict)  # meshes and images are read once
 
     # Files
 
@@ -159,30 +171,50 @@ class Builder:
         if self.settings[path] > MOST_SETTINGS:
             raise SceneError(f'"{path}" is used with more than {MOST_SETTINGS} different settings', location)
 
+    def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """What was made for this key before, or is made now."""
+        if key not in self.made:
+            self.made[key] = make()
+        return cast("Made", self.made[key])
+
     # Plugins
 
     def plugin(self, node: Node) -> Plugin | None:
         """The plugin of a node, ignoring the case of its name."""
         return self.table.get(node.kind, {}).get(node.plugin.lower())
 
-    def construct(self, node: Node) -> Content:
+    def construct(self, node: Node) -> Built:
         """The result of the node's plugin, or of its replacement; None if the node is ignored.
+
+        It is made anew whenever it is asked for.
 
         Raises:
             SceneError: the object cannot be built, or, when strict, is not known.
         """
         known = self.known(node)
         plugin = self.plugin(known) if known else None
-        if known is None or plugin is None:
-            return None
-        try:
-            with blamed_on(node.location, str(node)):
-                return plugin.build(self, known, self.values(known, plugin))
-        except MissingFile as problem:
-            if node.kind not in DISPENSABLE:
-                raise
-            self.diagnostics.unknown(f"{problem.message}; {node} is ignored", problem.location)
-            return None
+        values: Values = {}
+        result = None
+        if known is not None and plugin is not None:
+            try:
+                with blamed_on(node.location, str(node)):
+                    values = self.values(known, plugin)
+                    result = plugin.build(self, known, dict(values) if self.kept is not None else values)
+            except MissingFile as problem:
+                if node.kind not in DISPENSABLE:
+                    raise
+                self.diagnostics.unknown(f"{problem.message}; {node} is ignored", problem.location)
+                known = None
+        if self.kept is not None:
+            self.kept[node] = self.kept[known or node] = Construction(known, values, result)
+        return result
+
+    def construction(self, node: Node) -> Construction:
+        """How a node was built; for a builder that keeps that."""
+        assert self.kept is not None
+        if node not in self.kept:
+            self.construct(node)
+        return self.kept[node]
 
     def known(self, node: Node) -> Node | None:
         """The node itself if its plugin is known, else its replacement, with a warning."""
@@ -207,7 +239,7 @@ class Builder:
             kept = [p for p in properties if p.name in known or is_child(p.value, plugin)]
             lost = [p for p in properties if p not in kept]
         self._report_substitute(node, f'"{plugin.name}" is used', lost)
-        return Node(node.kind, plugin.name, node.location, node.plugin_location, node.id, kept)
+        return replace(node, plugin=plugin.name, properties=kept)
 
     def _report_substitute(self, node: Node, used: str, lost: Iterable[Property] = ()) -> None:
         """Reports what replaces an unknown plugin, and which of its properties are lost."""
@@ -219,10 +251,10 @@ class Builder:
         elif names:  # that there is none was warned about
             self.diagnostics.unknown(f"{used} for the {node}{without}", node.plugin_location)
 
-    def values(self, node: Node, plugin: Plugin) -> dict[str, Any]:
+    def values(self, node: Node, plugin: Plugin) -> Values:
         """The node's properties as fields of the plugin; unknown ones are warned about."""
         fields = {f.name: f for f in plugin.fields}
-        values: dict[str, Any] = {}
+        values: Values = {}
         for name, prop in named(node, fields):
             if _is_texture(prop.value) and self.texture(prop.value) is None:
                 continue  # left out, as was warned about
@@ -235,6 +267,14 @@ class Builder:
                 self.report_unknown(node, prop, fields)
         return values
 
+    def convert(self, owner: Node, prop: Property, field: Field) -> Any:  # noqa: ANN401
+        """A property's value as a field of that type."""
+        return convert(self, owner, prop, field)
+
+    def declared(self, kind: str, plugin: str) -> tuple[Field, ...]:
+        """The fields of a plugin."""
+        return self.table[kind][plugin.lower()].fields
+
     def fits(self, texture: Node, field: Field) -> bool:
         """Whether a field accepts this texture; constant textures count as their value."""
         return field.type in TEXTURED or not isinstance(self.texture(texture), dict)
@@ -246,73 +286,63 @@ class Builder:
 
     def report_unknown(self, node: Node, prop: Property, fields: Iterable[str]) -> None:
         """Reports a property that the plugin does not have."""
-        if prop.name:
-            problem = f'{node} has no property "{prop.name}"{did_you_mean(prop.name, fields)}'
-        else:
-            problem = f"{node} does not support the {prop.value}"
-        self.diagnostics.unknown(problem, prop.name_location)
+        what = f'property "{prop.name}"' if prop.name else str(prop.value)
+        hint = did_you_mean(prop.name, fields) if prop.name else ""
+        self.diagnostics.unknown(f"{node} does not support the {what}{hint}", prop.name_location)
 
     def picture(self, node: Node) -> Picture:
         """The outputs of an integrator."""
         result = self.construct(node)
-        return result if isinstance(result, Picture) else Picture(result)
+        return result if isinstance(result, Picture) else Picture(_entry(result))
 
     # Shared objects
 
-    def texture(self, node: Node) -> Content:
+    def texture(self, node: Node) -> Use | Constant | None:
         """The value of a texture: a colour, or `{"texture": index}`. A texture used twice is built once."""
-        if node not in self.built:
+        return cast("Use | Constant | None", self._use(node, "texture", "textures"))
+
+    def volume(self, node: Node) -> Use | Colour | None:
+        """The value of a volume: a colour, or `{"volume": index}`."""
+        return cast("Use | Colour | None", self._use(node, "volume", "volumes"))
+
+    def _use(self, node: Node, name: str, where: str) -> Built:
+        if node not in self.uses:
             value = self.construct(node)
             if isinstance(value, dict) and "type" in value:
-                value = {"texture": self.add("textures", value, node)}
-            self.built[node] = value
-        return self.built[node]
-
-    def number_texture(self, node: Node, value: dict[str, int]) -> dict[str, int]:
-        """A texture that is read as a number: Mitsuba 3 exchanges the colours of checkerboards then."""
-        entry = self.textures[value["texture"]]
-        if entry["type"] != "checkerboard" or node.version < (2, 0, 0):
-            return value
-        if ("numbers", node) not in self.files:
-            first, second = entry.get("color0", 0.4), entry.get("color1", 0.2)
-            exchanged = {**entry, "color0": second, "color1": first}
-            self.files["numbers", node] = self.add("textures", exchanged, node)
-        return {"texture": self.files["numbers", node]}
-
-    def volume(self, node: Node) -> Content:
-        """The value of a volume: a colour, or `{"volume": index}`."""
-        if node not in self.built:
-            value = self.construct(node)
-            is_entry = isinstance(value, dict) and "type" in value
-            self.built[node] = {"volume": self.add("volumes", value, node)} if is_entry else value
-        return self.built[node]
+                value = {name: self.add(where, value, node)}
+            self.uses[node] = value
+        return self.uses[node]
 
     def index(self, node: Node) -> int:
         """The index of a phase function or a medium in its list; -1 when it is ignored."""
-        if node not in self.built:
+        if node not in self.indices_of:
             entry = self.construct(node)
-            self.built[node] = -1 if entry is None else self.add(LISTS[node.kind], entry, node)
-        return self.built[node]
+            self.indices_of[node] = -1 if entry is None else self.add(LISTS[node.kind], _entry(entry), node)
+        return self.indices_of[node]
 
     def slot(self, node: Node) -> Slot | None:
         """The material slot of a bsdf; None when it is ignored."""
-        if node not in self.built:
+        if node not in self.materials_of:
             result = self.construct(node)
-            self.built[node] = (
-                Slot(self.add_once("bsdfs", result, node)) if isinstance(result, dict) else result
-            )
-        return self.built[node]
+            slot = Slot(self.add_once("bsdfs", result, node)) if isinstance(result, dict) else result
+            self.materials_of[node] = cast("Slot | None", slot)
+        return self.materials_of[node]
 
-    def add(self, where: str, entry: dict[str, Any], node: Node) -> int:
+    def entry(self, where: str, index: int) -> Entry:
+        """An entry of one of the description's lists."""
+        entries: list[Entry] = getattr(self, where)
+        return entries[index]
+
+    def add(self, where: str, entry: Entry, node: Node) -> int:
         """Adds an entry to a list of the description; its index."""
-        entries: list[dict[str, Any]] = getattr(self, where)
+        entries: list[Entry] = getattr(self, where)
         if where == "textures":
             self._count_lookups(entry, node)
         self.places[f"{where}[{len(entries)}]"] = node.location
         entries.append(entry)
         return len(entries) - 1
 
-    def _count_lookups(self, entry: dict[str, Any], node: Node) -> None:
+    def _count_lookups(self, entry: Entry, node: Node) -> None:
         """Limits lookups: textures that use each other twice double the time at every level."""
         inner = (value["texture"] for value in entry.values() if isinstance(value, dict))
         lookups = 1 + sum(self.lookups[index] for index in inner)
@@ -321,7 +351,7 @@ class Builder:
             raise SceneError(message, node.location)
         self.lookups.append(lookups)
 
-    def add_once(self, where: str, entry: dict[str, Any], node: Node) -> int:
+    def add_once(self, where: str, entry: Entry, node: Node) -> int:
         """The index of an entry of a list; the same one is not added twice."""
         key = repr((where, entry))
         if key not in self.indices:
@@ -330,19 +360,23 @@ class Builder:
             self.indices[key] = self.add(where, entry, node)
         return self.indices[key]
 
-    def _is_transmissive(self, entry: dict[str, Any], node: Node) -> bool:
+    def _is_transmissive(self, entry: Entry, node: Node) -> bool:
         """Lets the core validate the values."""
         try:
-            return bool(self.core.transmissive(entry))
-        except self.core.DescriptionError as problem:
+            return bool(_core.transmissive(entry))
+        except _core.DescriptionError as problem:
             raise SceneError(str(problem).removeprefix("bsdf."), node.location) from None
 
-    def adapt(self, node: Node, plugin: str, values: dict[str, Any], **children: MaterialId) -> AdapterId:
+    def adapt(self, node: Node, plugin: str, values: Values, **children: MaterialId) -> AdapterId:
         """An adapter around materials."""
         entry = {"type": plugin, **values, **{name: _described(child) for name, child in children.items()}}
         return AdapterId(self.add_once("adapters", entry, node))
 
-    def bsdfs_of(self, material: MaterialId) -> Iterator[int]:
+    def lets_light_through(self, material: MaterialId) -> bool:
+        """Whether any part of a material is seen from both sides."""
+        return any(self.transmissive[bsdf] for bsdf in self._bsdfs_of(material))
+
+    def _bsdfs_of(self, material: MaterialId) -> Iterator[int]:
         """The indices of the bsdfs that a material is made of, each once."""
         waiting, met = [material], {material, BLACK}
         while waiting:
@@ -366,7 +400,12 @@ class Builder:
         return self.slots[slot]
 
 
-def _described(material: MaterialId) -> Content:
+def _entry(result: Built) -> Entry:
+    assert isinstance(result, dict)  # all else is for other kinds of plugins
+    return result
+
+
+def _described(material: MaterialId) -> int | dict[str, int]:
     return {"adapter": material.index} if isinstance(material, AdapterId) else material
 
 
@@ -384,7 +423,3 @@ def named(node: Node, fields: Mapping[str, Field]) -> Iterator[tuple[str, Proper
 
 def _is_texture(value: object) -> TypeGuard[Node]:
     return isinstance(value, Node) and value.kind == "texture"
-
-
-def is_child(value: object, plugin: Plugin) -> bool:
-    return isinstance(value, Node) and value.kind in plugin.children

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from ..schema import HARMLESS
 from ..syntax.errors import Diagnostics, SceneError, did_you_mean
 from ..syntax.nodes import Node, Property, below
-
-if TYPE_CHECKING:
-    from .builder import Builder
+from .builder import Builder
 
 INHERITED = ("film", "sampler", "medium")  # by the cameras in a batch
 DEFAULT_WIDTH = 768  # of a film
@@ -77,7 +74,7 @@ def names(scene: Node) -> tuple[str, ...]:
 
 
 def chosen(builder: Builder, scene: Node) -> Node | None:
-    """The camera requested by number or id, or the first; in files before 2.0, the last.
+    """The camera that was asked for by number or id; else the first, or the last where the file means that.
 
     Raises:
         SceneError: there is no camera of that number or id.
@@ -87,7 +84,7 @@ def chosen(builder: Builder, scene: Node) -> Node | None:
         return cameras[_position(scene, builder.sensor)]
     if len(cameras) < 2:
         return cameras[0] if cameras else None
-    position = 0 if scene.version >= (2, 0, 0) else len(cameras) - 1
+    position = len(cameras) - 1 if scene.unsaid.last_sensor else 0
     listed = ", ".join(names(scene))
     message = f'the scene has {len(cameras)} sensors, {listed}; "{names(scene)[position]}" is used'
     builder.diagnostics.warn(message, cameras[position].location)
@@ -110,7 +107,7 @@ def report_missing_camera(builder: Builder, scene: Node) -> None:
     """Reports that a scene has no camera, and cameras inside shapes, which are not supported.
 
     Raises:
-        SceneError: the file is of version 2 or newer.
+        SceneError: the version of the file implies none.
     """
     message, place = "the scene has no sensor", scene.location
     shapes = [shape for _, shape in scene.children("shape")]
@@ -120,6 +117,6 @@ def report_missing_camera(builder: Builder, scene: Node) -> None:
             message += f" of its own; {sensor} inside of {node} cannot be used"
             place = sensor.location
             break
-    if scene.version >= (2, 0, 0):
+    if not scene.unsaid.camera:
         raise SceneError(message, place)
     builder.diagnostics.warn(f"{message}; one that sees the whole scene is added", place)

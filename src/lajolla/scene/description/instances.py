@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from ..schema import Field
 from ..syntax.errors import SceneError
 from ..syntax.nodes import Array, Node, Property
 from .builder import Builder
-from .values import convert
+from .plugin import Entry
 
 # Groups in groups, and merged shapes that are merged again, can be more than all memory holds, however
 # small the file: so many objects may come of them, and so many more for each shape that the file has.
@@ -20,17 +20,19 @@ MOST_REPEATED = 2**22
 MOST_PER_SHAPE = 64
 TO_WORLD = Field("to_world", "transform", "")
 
+Group = TypeVar("Group")
+Member = TypeVar("Member")
 AddShape = Callable[[Builder, Node], list[int]]
 
 
 @dataclass
-class Contents:
-    """Contents of a shape group: groups of the description with transforms, and emitting shapes."""
+class Contents(Generic[Group]):
+    """What a shape group holds: placed groups without groups in them, and shapes that are lights."""
 
-    groups: list[tuple[Array, int]]
+    groups: list[tuple[Array, Group]]
     lights: list[tuple[Array, Node]]
 
-    def extend(self, matrix: Array, inner: Contents) -> None:
+    def extend(self, matrix: Array, inner: Contents[Group]) -> None:
         """Adds the contents of a nested group."""
         self.groups += [(matrix @ placed, group) for placed, group in inner.groups]
         self.lights += [(matrix @ placed, light) for placed, light in inner.lights]
@@ -114,33 +116,60 @@ def _placed(group: Node, added: dict[Node, int], placed: dict[Node, int]) -> int
     return placed[group]
 
 
-def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
-    """The contents of a group, built once."""
-    if group not in builder.built:
-        builder.construct(group)  # warns about unknown properties
-        builder.built[group] = _build(builder, group, add_shape)
-    return builder.built[group]
+def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents[int]:
+    """What a group holds, as groups of the description; it is built once."""
+
+    def close(node: Node, members: list[int]) -> int:
+        return builder.add("groups", {"shapes": members}, node)
+
+    def flatten() -> Contents[int]:
+        for node in (group, *members_of(group)):
+            if node.plugin.lower() in ("shapegroup", "instance"):
+                builder.construct(node)  # tells what it has no use for
+        contents = flattened(
+            builder,
+            group,
+            lambda shape: add_shape(builder, shape),
+            close,
+            lambda inner: _contents(builder, inner, add_shape),
+        )
+        if not contents.groups and not contents.lights:
+            builder.diagnostics.warn(f"{group} is empty", group.location)
+        return contents
+
+    return builder.once(("contents", group), flatten)
 
 
-def _build(builder: Builder, group: Node, add_shape: AddShape) -> Contents:
-    contents = Contents([], [])
-    members: list[int] = []
+def flattened(
+    builder: Builder,
+    group: Node,
+    make: Callable[[Node], list[Member]],
+    close: Callable[[Node, list[Member]], Group],
+    contents_of: Callable[[Node], Contents[Group]],
+) -> Contents[Group]:
+    """What a group holds, without groups in groups.
+
+    Args:
+        builder: of the description.
+        group: the shape group.
+        make: makes members of a shape that stands in it.
+        close: makes a group of these members, if there are any.
+        contents_of: gives what another group holds.
+    """
+    contents: Contents[Group] = Contents([], [])
+    members: list[Member] = []
     for child in members_of(group):
         name = child.plugin.lower()
         if name == "shapegroup":
-            contents.extend(np.eye(4), _contents(builder, child, add_shape))
+            contents.extend(np.eye(4), contents_of(child))
         elif name == "instance":
-            builder.construct(child)
-            inner = _contents(builder, group_of(builder, child), add_shape)
-            contents.extend(placement(builder, child), inner)
+            contents.extend(placement(builder, child), contents_of(group_of(builder, child)))
         elif any(emitter.plugin.lower() == "area" for _, emitter in child.children("emitter")):
             contents.lights.append((np.eye(4), child))
         else:
-            members += add_shape(builder, child)
+            members += make(child)
     if members:
-        contents.groups.append((np.eye(4), builder.add("groups", {"shapes": members}, group)))
-    if not contents.groups and not contents.lights:
-        builder.diagnostics.warn(f"{group} is empty", group.location)
+        contents.groups.append((np.eye(4), close(group, members)))
     return contents
 
 
@@ -155,7 +184,7 @@ def members_of(group: Node) -> Iterator[Node]:
 
 def placement(builder: Builder, node: Node) -> Array:
     prop = node.find("to_world")
-    return np.eye(4) if prop is None else convert(builder, node, prop, TO_WORLD)
+    return np.eye(4) if prop is None else builder.convert(node, prop, TO_WORLD)
 
 
 def _add_light(builder: Builder, light: Node, matrix: Array, add_shape: AddShape) -> None:
@@ -171,6 +200,6 @@ def _add_light(builder: Builder, light: Node, matrix: Array, add_shape: AddShape
                 shape["flip_normals"] = not shape.get("flip_normals", False)
 
 
-def keeps_sides(shape: dict[str, Any]) -> bool:
+def keeps_sides(shape: Entry) -> bool:
     """Whether a mirror leaves the sides as they are: it flips those that depend on the vertex order."""
     return shape["type"] != "mesh" or not (shape["mesh"].normals is None or shape.get("face_normals"))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
-from ..schema import BLACK, Content
 from .builder import Builder
+from .plugin import BLACK, Entry
 
 MAPPED = ("bitmap", "checkerboard", "gridtexture")  # where on a texture a point is comes from its coordinates
 
@@ -25,10 +24,10 @@ def warn_of_missing_coordinates(builder: Builder) -> None:
             builder.diagnostics.warn(message, builder.places[f"shapes[{i}]"])
 
 
-def _parts(builder: Builder, material: int) -> Iterator[dict[str, Any]]:
+def _parts(builder: Builder, material: int) -> Iterator[Entry]:
     """The bsdfs and adapters of a material slot."""
     waiting = [builder.materials[material][side] for side in ("front", "back")]
-    met: list[Content] = []
+    met: list[int | dict[str, int]] = []
     while waiting:
         part = waiting.pop()
         if part == BLACK or part in met:
@@ -42,7 +41,7 @@ def _parts(builder: Builder, material: int) -> Iterator[dict[str, Any]]:
             yield builder.bsdfs[part]
 
 
-def _is_mapped(builder: Builder, entry: dict[str, Any]) -> bool:
+def _is_mapped(builder: Builder, entry: Entry) -> bool:
     """Whether an entry of the description has a texture that needs coordinates, also within others."""
     for value in entry.values():
         if not isinstance(value, dict):

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from lajolla.film import Film
+
 MOST_CHANNELS = 1024
 COMPONENTS = {"rgb": "RGB", "xyz": "XYZ"}
 
@@ -38,6 +40,14 @@ class Picture:
         """Raises ValueError if there are too many channels: nested integrators double them."""
         if len(self.channels) > MOST_CHANNELS:
             raise ValueError(f"more than {MOST_CHANNELS} channels")
+
+
+@dataclass(frozen=True)
+class Layer:
+    """What a film of Mitsuba 0.6 says of one integrator inside `multichannel`."""
+
+    name: str
+    film: Film
 
 
 def colours(name: str, entry: Entry, recorded: str = "rgb") -> tuple[Channel, ...]:

@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from lajolla import _core
+
 from ..data.ior import index_of_refraction
-from ..data.spectra import read_spd, to_rgb
-from ..schema import Content, Field
+from ..data.spectra import to_rgb
+from ..formats.spectra import read_spd
+from ..schema import Field
 from ..syntax.errors import SceneError, did_you_mean, reason_of
 from ..syntax.files import find_file
 from ..syntax.foreign import is_mesh, type_name
 from ..syntax.literals import Text, parse_numbers
-from ..syntax.nodes import Blackbody, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
+from ..syntax.nodes import Array, Blackbody, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
 from ..syntax.transforms import checked_matrix
 from .bounds import bounds_of, within
+from .plugin import Colour, Constant, Context, Use
 
-if TYPE_CHECKING:
-    from .builder import Builder
-
-CONSTANTS = (int, float, Vector, dict, Rgb, Spectrum, Blackbody)
+CONSTANTS = (int, float, Vector, Rgb, Spectrum, Blackbody)
 INDEX_FIELDS = ("int_ior", "ext_ior", "ext_eta")  # these take the name of a material as well
 
 # Choices of other versions that another choice stands for, and whether the picture differs.
@@ -35,13 +36,13 @@ SAME_CHOICE = {
 }
 
 
-def convert(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+def convert(context: Context, owner: Node, prop: Property, field: Field) -> Any:  # noqa: ANN401
     """A property's value as a field of that type.
 
     Raises:
         SceneError: the value is of another type or out of range.
     """
-    value = CONVERTERS[field.type](builder, owner, prop, field)
+    value = CONVERTERS[field.type](context, owner, prop, field)
     if value is None:
         raise SceneError(f'"{prop.name}" of {owner} expects {EXPECTED[field.type]}', prop.location)
     if isinstance(value, tuple) and not all(map(math.isfinite, value)):
@@ -49,18 +50,18 @@ def convert(builder: Builder, owner: Node, prop: Property, field: Field) -> Cont
     return value
 
 
-def _float(builder: Builder, owner: Node, prop: Property, field: Field) -> float | None:
+def _float(context: Context, owner: Node, prop: Property, field: Field) -> Use | float | None:
     value = prop.value
     if isinstance(value, str) and field.name in INDEX_FIELDS:
         return index_of_refraction(value, prop.location)
     if isinstance(value, Node) and value.kind == "texture":
-        return _texture_float(builder, owner, prop, field)
+        return _texture_float(context, owner, prop, field)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return _in_range(float(value), prop, field)
 
 
-def _integer(builder: Builder, owner: Node, prop: Property, field: Field) -> int | None:
+def _integer(context: Context, owner: Node, prop: Property, field: Field) -> int | None:
     value = prop.value
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
@@ -87,21 +88,21 @@ def _limits(field: Field) -> tuple[float, float]:
     return (low, math.inf if field.maximum is None else field.maximum)
 
 
-def _boolean(builder: Builder, owner: Node, prop: Property, field: Field) -> bool | None:
+def _boolean(context: Context, owner: Node, prop: Property, field: Field) -> bool | None:
     return prop.value if isinstance(prop.value, bool) else None
 
 
-def _string(builder: Builder, owner: Node, prop: Property, field: Field) -> str | None:
+def _string(context: Context, owner: Node, prop: Property, field: Field) -> str | None:
     return prop.value if isinstance(prop.value, str) else None
 
 
-def _choice(builder: Builder, owner: Node, prop: Property, field: Field) -> str | None:
+def _choice(context: Context, owner: Node, prop: Property, field: Field) -> str | None:
     if not isinstance(prop.value, str):
         return None
     wanted = prop.value.strip().lower()
     same, differs = SAME_CHOICE.get((field.name, wanted), (wanted, False))
     if differs:
-        builder.diagnostics.warn(
+        context.diagnostics.warn(
             f'"{wanted}" is not supported for "{field.name}"; "{same}" is used', prop.location
         )
     if same not in field.choices:
@@ -110,13 +111,13 @@ def _choice(builder: Builder, owner: Node, prop: Property, field: Field) -> str 
     return same
 
 
-def _vector(builder: Builder, owner: Node, prop: Property, field: Field) -> tuple[float, float, float] | None:
+def _vector(context: Context, owner: Node, prop: Property, field: Field) -> tuple[float, float, float] | None:
     if isinstance(prop.value, Vector):
         return prop.value.xyz
     return prop.value.values if isinstance(prop.value, Rgb) else None
 
 
-def _transform(builder: Builder, owner: Node, prop: Property, field: Field) -> np.ndarray | None:
+def _transform(context: Context, owner: Node, prop: Property, field: Field) -> Array | None:
     given = prop.value
     if getattr(given, "size", 16) > 16:
         return None
@@ -133,38 +134,38 @@ def _transform(builder: Builder, owner: Node, prop: Property, field: Field) -> n
     return checked_matrix(matrix, prop.location)
 
 
-def _texture_spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
-    value = constant_or_texture(builder, prop)
+def _texture_spectrum(context: Context, owner: Node, prop: Property, field: Field) -> Use | Colour | None:
+    value = _constant_or_texture(context, prop)
     if value is None:
         return None
     if isinstance(value, dict):
-        return _clamp_texture(builder, owner, value, prop, field)
+        return _clamp_texture(context, owner, value, prop, field)
     if isinstance(value, int | float):
         rgb = (float(value),) * 3
     else:
         colour = Rgb(value.xyz) if isinstance(value, Vector) else value
         emission = owner.kind == "emitter" or field.name == "emission"
-        rgb = to_rgb(colour, emission=emission, diagnostics=builder.diagnostics, location=prop.location)
-    return _clamp(builder, owner, rgb, prop, field)
+        rgb = to_rgb(colour, emission=emission, diagnostics=context.diagnostics, location=prop.location)
+    return _clamp(context, owner, rgb, prop, field)
 
 
-def _texture_float(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+def _texture_float(context: Context, owner: Node, prop: Property, field: Field) -> Use | float | None:
     """A colour stands for the mean of its channels, as in Mitsuba 3."""
-    value = _texture_spectrum(builder, owner, prop, field)
+    value = _texture_spectrum(context, owner, prop, field)
     if isinstance(value, dict) or value is None:
         return value
     return _mean(value)
 
 
-def _volume_spectrum(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+def _volume_spectrum(context: Context, owner: Node, prop: Property, field: Field) -> Use | Colour | None:
     if not isinstance(prop.value, Node) or prop.value.kind != "volume":
-        return _texture_spectrum(builder, owner, prop, field)
-    value = builder.volume(prop.value)
-    return value if isinstance(value, dict) else _clamp(builder, owner, value, prop, field)
+        return _texture_spectrum(context, owner, prop, field)
+    value = context.volume(prop.value)
+    return value if isinstance(value, dict) or value is None else _clamp(context, owner, value, prop, field)
 
 
-def _volume_float(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
-    value = _volume_spectrum(builder, owner, prop, field)
+def _volume_float(context: Context, owner: Node, prop: Property, field: Field) -> Use | float | None:
+    value = _volume_spectrum(context, owner, prop, field)
     return value if isinstance(value, dict) or value is None else _mean(value)
 
 
@@ -172,20 +173,20 @@ def _mean(rgb: tuple[float, ...]) -> float:
     return rgb[0] if rgb[0] == rgb[1] == rgb[2] else sum(rgb) / 3
 
 
-def _volume_matrix(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+def _volume_matrix(context: Context, owner: Node, prop: Property, field: Field) -> Use | Colour | None:
     """A volume, or six numbers; constvolumes with six numbers are the same."""
     node = prop.value
     if isinstance(node, Node) and node.kind == "volume":
         constant = node.find("value") if node.plugin.lower() == "constvolume" else None
-        return builder.volume(node) if constant is None else _six(_floats(builder, owner, constant, field))
-    return _six(_floats(builder, owner, prop, field))
+        return context.volume(node) if constant is None else _six(_floats(context, owner, constant, field))
+    return _six(_floats(context, owner, prop, field))
 
 
 def _six(values: tuple[float, ...] | None) -> tuple[float, ...] | None:
     return values if values is not None and len(values) == 6 else None
 
 
-def _floats(builder: Builder, owner: Node, prop: Property, field: Field) -> tuple[float, ...] | None:
+def _floats(context: Context, owner: Node, prop: Property, field: Field) -> tuple[float, ...] | None:
     if isinstance(prop.value, str):
         return tuple(parse_numbers(Text(prop.value, prop.location)))
     if getattr(prop.value, "ndim", 1) != 1:
@@ -199,54 +200,61 @@ def _floats(builder: Builder, owner: Node, prop: Property, field: Field) -> tupl
     return tuple(_in_range(v, prop, field) for v in values.tolist())
 
 
-def _phase(builder: Builder, owner: Node, prop: Property, field: Field) -> int | None:
+def _phase(context: Context, owner: Node, prop: Property, field: Field) -> int | None:
     node = prop.value
-    return builder.index(node) if isinstance(node, Node) and node.kind == "phase" else None
+    return context.index(node) if isinstance(node, Node) and node.kind == "phase" else None
 
 
-def constant_or_texture(builder: Builder, prop: Property) -> Content:
+def _constant_or_texture(context: Context, prop: Property) -> Use | Constant | None:
     """A number, a colour, a vector, or `{"texture": index}`; None for anything else."""
     value = prop.value
     if isinstance(value, Node):
-        value = builder.texture(value) if value.kind == "texture" else None
+        return context.texture(value) if value.kind == "texture" else None
     if isinstance(value, SpectrumFile):
-        path = find_file(value.filename, builder.directories(prop.location), prop.location)
+        path = find_file(value.filename, context.directories(prop.location), prop.location)
         return read_spd(path, prop.location)
-    known = isinstance(value, CONSTANTS) and not isinstance(value, bool)
-    return value if known else None
+    return value if isinstance(value, CONSTANTS) and not isinstance(value, bool) else None
 
 
 def _clamp(
-    builder: Builder, owner: Node, rgb: tuple[float, ...], prop: Property, field: Field
+    context: Context, owner: Node, rgb: tuple[float, ...], prop: Property, field: Field
 ) -> tuple[float, ...]:
     low, high = _limits(field)
     clamped = tuple(min(max(v, low), high) for v in rgb)
     if max(abs(a - b) for a, b in zip(rgb, clamped, strict=True)) > 1e-4:
         shown = ", ".join(f"{v:.4g}" for v in rgb)
         bounds = f"below {low:g}" if min(rgb) < low else f"above {high:g}"
-        builder.diagnostics.warn(f'"{prop.name}" of {owner} is {bounds} ({shown}) and clamped', prop.location)
+        context.diagnostics.warn(f'"{prop.name}" of {owner} is {bounds} ({shown}) and clamped', prop.location)
     return clamped
 
 
-def _clamp_texture(
-    builder: Builder, owner: Node, value: dict[str, int], prop: Property, field: Field
-) -> dict[str, int]:
+def _clamp_texture(context: Context, owner: Node, value: Use, prop: Property, field: Field) -> Use:
     """The texture, with its values brought into the field's range where they may leave it."""
     node = prop.value if isinstance(prop.value, Node) else owner
     if field.type == "texture_float":
-        value = builder.number_texture(node, value)
-    (low, high), found = _limits(field), bounds_of(builder, value)
+        value = _read_as_number(context, node, value)
+    (low, high), found = _limits(field), bounds_of(context, value)
     if found is not None:
         below = [f"below {low:g}"] if found[0] < low - 1e-4 else []
         above = [f"above {high:g}"] if found[1] > high + 1e-4 else []
         if below or above:
             where = " and ".join(below + above)
             message = f'"{prop.name}" of {owner} is {where} somewhere and clamped'
-            builder.diagnostics.warn(message, prop.location)
-    return within(builder, value, (low, high), node)
+            context.diagnostics.warn(message, prop.location)
+    return within(context, value, (low, high), node)
 
 
-def _array(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+def _read_as_number(context: Context, node: Node, value: Use) -> Use:
+    """A texture that is read as a number: Mitsuba 3 exchanges the colours of checkerboards then."""
+    entry = context.entry("textures", value["texture"])
+    if entry["type"] != "checkerboard" or not node.unsaid.exchanged:
+        return value
+    first, second = entry.get("color0", 0.4), entry.get("color1", 0.2)
+    exchanged = {**entry, "color0": second, "color1": first}
+    return {"texture": context.once(("numbers", node), lambda: context.add("textures", exchanged, node))}
+
+
+def _array(context: Context, owner: Node, prop: Property, field: Field) -> object:
     """Anything that may be an array: the plugin, which takes it, judges its shape."""
     return prop.value if not isinstance(prop.value, Node | str | int | float | Vector) else None
 
@@ -254,33 +262,34 @@ def _array(builder: Builder, owner: Node, prop: Property, field: Field) -> Conte
 def _object(name: str) -> Converter:
     """A converter to objects of one of the core's classes, which only Python can make."""
 
-    def convert_object(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
-        return prop.value if isinstance(prop.value, getattr(builder.core, name)) else None
+    def convert_object(context: Context, owner: Node, prop: Property, field: Field) -> object:
+        return prop.value if isinstance(prop.value, getattr(_core, name)) else None
 
     return convert_object
 
 
-def _mesh(builder: Builder, owner: Node, prop: Property, field: Field) -> Content:
+def _mesh(context: Context, owner: Node, prop: Property, field: Field) -> _core.Mesh | None:
     """One of the core's, or of another library: made smooth, as those of files without normals are."""
-    if isinstance(prop.value, builder.core.Mesh):
+    if isinstance(prop.value, _core.Mesh):
         return prop.value
-    if not is_mesh(prop.value):
+    given: Any = prop.value
+    if not is_mesh(given):
         return None
     try:
-        vertices = np.ascontiguousarray(prop.value.vertices, np.float32)
-        faces = np.ascontiguousarray(prop.value.faces)
+        vertices = np.ascontiguousarray(given.vertices, np.float32)
+        faces = np.ascontiguousarray(given.faces)
         if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
             raise ValueError("its faces name vertices that are not there")
-        uvs = getattr(getattr(prop.value, "visual", None), "uv", None)
+        uvs = getattr(getattr(given, "visual", None), "uv", None)
         uvs = None if uvs is None else np.ascontiguousarray(uvs, np.float32)
-        mesh = builder.core.Mesh(vertices, faces.astype(np.uint32), None, uvs)
+        mesh = _core.Mesh(vertices, faces.astype(np.uint32), None, uvs)
     except (TypeError, ValueError) as problem:
-        what = f"the {type_name(prop.value)} is no triangle mesh"
+        what = f"the {type_name(given)} is no triangle mesh"
         raise SceneError(f"{what}: {reason_of(problem)}", prop.location) from None
     return mesh.with_vertex_normals(np.eye(4).tolist())
 
 
-Converter: TypeAlias = Callable[["Builder", Node, Property, Field], Any]
+Converter: TypeAlias = Callable[[Context, Node, Property, Field], object]
 
 
 CONVERTERS: dict[str, Converter] = {

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeAlias
+from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
 from ..description.plugins.daylight import for_mitsuba3
-from ..formats.volumes import read_voxels
+from ..description.plugins.volumes import load_voxels
 from ..formats.voxels import vol_bytes
 from ..syntax.nodes import Node, Property, Rgb, Value
-
-if TYPE_CHECKING:
-    from .translator import Translator
+from .translation import Translation
 
 # The plugins that are written under their own name.
 HAS = {
@@ -63,7 +62,7 @@ REQUIRED = {
 
 
 def like(node: Node, plugin: str) -> Node:
-    return Node(node.kind, plugin, node.location, node.plugin_location, node.id)
+    return replace(node, plugin=plugin, properties=[])
 
 
 def having(node: Node, **values: Value) -> Node:
@@ -83,10 +82,10 @@ def having_bsdf(shape: Node, bsdf: Node | None) -> Node:
 
 
 def with_boundary(shape: Node) -> Node:
-    """A shape around a medium without a bsdf is invisible in files before 2.0, and grey in newer ones."""
-    if shape.version >= (2, 0, 0) or not any(shape.children("medium")) or any(shape.children("bsdf")):
+    """A shape around a medium without a bsdf, with the one that the version of its file implies."""
+    if shape.unsaid.boundary == "diffuse" or not any(shape.children("medium")) or any(shape.children("bsdf")):
         return shape
-    return holding(shape, Node("bsdf", "null", shape.location, shape.location))
+    return holding(shape, Node("bsdf", shape.unsaid.boundary, shape.location, shape.location))
 
 
 def _renamed(node: Node, plugin: str, *without: str, **values: Value) -> Node:
@@ -100,7 +99,7 @@ def _renamed(node: Node, plugin: str, *without: str, **values: Value) -> Node:
 # translated property by property, and gives the one to write.
 
 
-def _map(translator: Translator, read: Node, node: Node) -> Node | None:
+def _map(translation: Translation, read: Node, node: Node) -> Node | None:
     """The texture under Mitsuba's name; our reader accepts any name, or none."""
     name = "normalmap" if node.plugin == "normalmap" else "map"
     textures = [child for _, child in node.children("texture")]
@@ -112,10 +111,10 @@ def _map(translator: Translator, read: Node, node: Node) -> Node | None:
     return having(plain, **{name: given})
 
 
-def _mixture(translator: Translator, read: Node, node: Node) -> Node | None:
+def _mixture(translation: Translation, read: Node, node: Node) -> Node | None:
     """A weighted sum of bsdfs as nested blends; the remaining weight is black."""
     weights = _numbers(node, "weights")
-    parts = [prop.value for prop, _ in node.children("bsdf")][: len(weights)]
+    parts = [part for _, part in node.children("bsdf")][: len(weights)]
     total = max(1.0, sum(weights))
     black = having(Node("bsdf", "diffuse", node.location, node.location), reflectance=Rgb((0.0,) * 3))
     result, covered = black, 1 - sum(weights[: len(parts)]) / total
@@ -144,19 +143,19 @@ def named(node: Node, name: str) -> Node:
     return Node(node.kind, node.plugin, node.location, node.plugin_location, name, node.properties)
 
 
-def _inner(translator: Translator, read: Node, node: Node) -> Node | None:
+def _inner(translation: Translation, read: Node, node: Node) -> Node | None:
     nested = next((child for _, child in node.children(node.kind)), None)
-    translator.replaced(node, f"the {nested} inside it is written" if nested else "it is ignored")
+    translation.replaced(node, f"the {nested} inside it is written" if nested else "it is ignored")
     return nested
 
 
-def _rough(translator: Translator, read: Node, node: Node) -> Node:
+def _rough(translation: Translation, read: Node, node: Node) -> Node:
     """`roughness` is the square root of alpha; Mitsuba wants both of `alpha_u` and `alpha_v` or none."""
     roughness = node.find("roughness")
     if roughness is not None and isinstance(roughness.value, int | float):
         node = _renamed(node, node.plugin, "roughness", alpha=float(roughness.value) ** 2)
     elif roughness is not None:
-        translator.lose("roughness")
+        translation.lose("roughness")
         node = _renamed(node, node.plugin, "roughness")
     pair = [node.find(name) for name in ("alpha_u", "alpha_v")]
     if not any(pair):
@@ -166,40 +165,40 @@ def _rough(translator: Translator, read: Node, node: Node) -> Node:
     return _renamed(node, node.plugin, "alpha", alpha_u=u, alpha_v=v)
 
 
-def _conductor(translator: Translator, read: Node, node: Node) -> Node:
+def _conductor(translation: Translation, read: Node, node: Node) -> Node:
     """Indices of refraction relative to what is around the metal."""
-    node = _rough(translator, read, node)
+    node = _rough(translation, read, node)
     outside = getattr(node.find("ext_eta"), "value", 1.0)
     numbers = node.find("eta") or node.find("k")
     if outside == 1:
         return _renamed(node, node.plugin, "ext_eta", *(["material"] if numbers else []))
-    entry = translator.builder.construct(read)
+    entry = translation.entry(read)
     relative = {name: Rgb(entry[name]) for name in ("eta", "k") if isinstance(entry[name], tuple)}
     return _renamed(node, node.plugin, "ext_eta", "material", **relative)
 
 
-def _phong(translator: Translator, read: Node, node: Node) -> Node | None:
+def _phong(translation: Translation, read: Node, node: Node) -> Node | None:
     """The width of the lobe as Walter et al. 2007 relate the two, section 5.2."""
     exponent = getattr(node.find("exponent"), "value", 30.0)
     if not isinstance(exponent, int | float):
-        return translator.nearest(having(node, alpha=0.25))
-    return translator.nearest(_renamed(node, node.plugin, "exponent", alpha=math.sqrt(2 / (exponent + 2))))
+        return translation.nearest(having(node, alpha=0.25))
+    return translation.nearest(_renamed(node, node.plugin, "exponent", alpha=math.sqrt(2 / (exponent + 2))))
 
 
-def _ward(translator: Translator, read: Node, node: Node) -> Node | None:
-    node = _rough(translator, read, node)
+def _ward(translation: Translation, read: Node, node: Node) -> Node | None:
+    node = _rough(translation, read, node)
     both = getattr(node.find("alpha"), "value", 0.1)
     alphas = [getattr(node.find(name), "value", both) for name in ("alpha_u", "alpha_v")]
     known = [float(alpha) for alpha in alphas if isinstance(alpha, int | float)]
     width = float(np.mean(known or [0.1]))
-    return translator.nearest(_renamed(node, node.plugin, "alpha_u", "alpha_v", alpha=width))
+    return translation.nearest(_renamed(node, node.plugin, "alpha_u", "alpha_v", alpha=width))
 
 
-def _hair(translator: Translator, read: Node, node: Node) -> Node:
+def _hair(translation: Translation, read: Node, node: Node) -> Node:
     """A colour as the absorption that makes it."""
     if node.find("color") is None:
         return node
-    absorption = translator.builder.construct(read)["sigma_a"]
+    absorption = translation.entry(read)["sigma_a"]
     return _renamed(node, node.plugin, "color", sigma_a=Rgb(absorption))
 
 
@@ -210,55 +209,53 @@ DISNEY_NAMES = {
 }
 
 
-def _disney(translator: Translator, read: Node, node: Node) -> Node | None:
+def _disney(translation: Translation, read: Node, node: Node) -> Node | None:
     """Mitsuba 3's model of the same family."""
     whole = {"disneymetal": {"metallic": 1.0}, "disneyglass": {"spec_trans": 1.0}}.get(node.plugin, {})
-    eta = translator.builder.construct(read).get("eta", 1.5)
+    eta = translation.entry(read).get("eta", 1.5)
     known = {DISNEY_NAMES.get(p.name, p.name): p.value for p in node.properties if p.name != "specular"}
     empty = Node(node.kind, node.plugin, node.location, node.plugin_location, node.id)
-    return translator.nearest(having(empty, **(known | whole | {"eta": eta})))
+    return translation.nearest(having(empty, **(known | whole | {"eta": eta})))
 
 
-def _disney_diffuse(translator: Translator, read: Node, node: Node) -> Node | None:
+def _disney_diffuse(translation: Translation, read: Node, node: Node) -> Node | None:
     color = node.find("base_color")
     if color is None:
-        return translator.nearest(node)
-    return translator.nearest(_renamed(node, node.plugin, "base_color", reflectance=color.value))
+        return translation.nearest(node)
+    return translation.nearest(_renamed(node, node.plugin, "base_color", reflectance=color.value))
 
 
-def _bitmap(translator: Translator, read: Node, node: Node) -> Node:
+def _bitmap(translation: Translation, read: Node, node: Node) -> Node:
     """An image; encodings and channels that Mitsuba 3 does not know are written out as linear values."""
     filter_type = getattr(node.find("filter_type"), "value", "bilinear")
     result = having(node, filter_type="nearest" if filter_type == "nearest" else "bilinear")
     if getattr(node.find("wrap_mode"), "value", "") in ("zero", "one"):
-        translator.warn(node, f"Mitsuba 3 does not support this wrap mode of {node}; its border is repeated")
+        translation.warn(node, f"Mitsuba 3 does not support this wrap mode of {node}; its border is repeated")
         result = having(result, wrap_mode="clamp")
-    gamma, channel = (
-        getattr(node.find(name), "value", other) for name, other in (("gamma", -1.0), ("channel", ""))
-    )
+    gamma, channel = getattr(node.find("gamma"), "value", -1.0), getattr(node.find("channel"), "value", "")
     result.properties = result.without(("gamma", "channel", "max_anisotropy"))
     gamma = 1.0 if getattr(node.find("raw"), "value", False) else gamma
     if channel or (gamma > 0 and gamma != 1):
-        return having(result, raw=False, filename=translator.linear_image(node, gamma, channel))
+        return having(result, raw=False, filename=translation.linear_image(node, gamma, channel))
     return having(result, raw=True) if gamma == 1 else result
 
 
-def _checkerboard(translator: Translator, read: Node, node: Node) -> Node:
+def _checkerboard(translation: Translation, read: Node, node: Node) -> Node:
     """Colours of textures end at one."""
     for name in ("color0", "color1"):
         value = getattr(node.find(name), "value", None)
         if isinstance(value, Rgb) and max(value.values) > 1:
-            translator.warn(node, f'"{name}" of {node} is above 1, where Mitsuba 3 ends, and clamped')
+            translation.warn(node, f'"{name}" of {node} is above 1, where Mitsuba 3 ends, and clamped')
             red, green, blue = (min(v, 1.0) for v in value.values)
             node = having(node, **{name: Rgb((red, green, blue))})
     return node
 
 
-def _vertex_colors(translator: Translator, read: Node, node: Node) -> Node:
+def _vertex_colors(translation: Translation, read: Node, node: Node) -> Node:
     return _renamed(node, "mesh_attribute", name="vertex_color")
 
 
-def _sensor(translator: Translator, read: Node, node: Node) -> Node | None:
+def _sensor(translation: Translation, read: Node, node: Node) -> Node | None:
     """Mitsuba 3 takes no scale in a camera's placement, but for the size of a view without perspective."""
     place = node.find("to_world")
     if place is not None and node.plugin in ("perspective", "thinlens"):
@@ -268,26 +265,26 @@ def _sensor(translator: Translator, read: Node, node: Node) -> Node | None:
     if node.find("fov") is None:
         node.properties = node.without(["fov_axis"])
     if node.plugin == "thinlens":
-        node = _without(translator, node, "principal_point_offset_x", "principal_point_offset_y")
-    return node if node.plugin in HAS["sensor"].split() else translator.nearest(node)
+        node = _without(translation, node, "principal_point_offset_x", "principal_point_offset_y")
+    return node if node.plugin in HAS["sensor"].split() else translation.nearest(node)
 
 
-def _without(translator: Translator, node: Node, *names: str) -> Node:
+def _without(translation: Translation, node: Node, *names: str) -> Node:
     """The node without properties that Mitsuba 3 does not support, with a warning."""
-    translator.lose(*(name for name in names if node.find(name) is not None))
+    translation.lose(*(name for name in names if node.find(name) is not None))
     return _renamed(node, node.plugin, *names)
 
 
-def _one_pixel(translator: Translator, read: Node, node: Node) -> Node:
+def _one_pixel(translation: Translation, read: Node, node: Node) -> Node:
     """Sensors that measure one value."""
     if node.plugin == "radiancemeter" and node.find("to_world") is None:
-        node = _renamed(node, node.plugin, "origin", "direction", **_place(translator, read))
-    films = [prop.value for prop, _ in node.children("film")] or [
+        node = _renamed(node, node.plugin, "origin", "direction", **_place(translation, read))
+    films = [film for _, film in node.children("film")] or [
         Node("film", "hdrfilm", node.location, node.location)
     ]
     sizes = [getattr(film.find(name), "value", 1) for film in films for name in ("width", "height")]
     if any(size != 1 for size in sizes):
-        translator.warn(node, f"the film of a {node} of Mitsuba 3 has one pixel; its size is left out")
+        translation.warn(node, f"the film of a {node} of Mitsuba 3 has one pixel; its size is left out")
     small = [having(like(film, film.plugin), width=1, height=1) for film in films]
     filters = [prop for film in films for prop, _ in film.children("rfilter")]
     small[0].properties += filters
@@ -295,9 +292,9 @@ def _one_pixel(translator: Translator, read: Node, node: Node) -> Node:
     return holding(Node("sensor", node.plugin, node.location, node.plugin_location, node.id, kept), *small)
 
 
-def _place(translator: Translator, read: Node) -> dict[str, Value]:
+def _place(translation: Translation, read: Node) -> dict[str, Value]:
     """`to_world`, of which Mitsuba takes no half."""
-    entry = translator.builder.construct(read)
+    entry = translation.entry(read)
     return {"to_world": entry["to_world"]} if "to_world" in entry else {}
 
 
@@ -306,11 +303,11 @@ FORMATS = ("file_format", "component_format", "pixel_format")
 LOOKS = ("tonemap_method", "gamma", "exposure", "key", "burn", "digits", "channel_names")
 
 
-def _film(translator: Translator, read: Node, node: Node) -> Node:
+def _film(translation: Translation, read: Node, node: Node) -> Node:
     pixel_format = str(getattr(node.find("pixel_format"), "value", "")).strip().lower()
     own = node.plugin in ("hdrfilm", "tiledhdrfilm") and pixel_format in ("", *PIXEL_FORMATS)
     known = SIZES + (FORMATS if own else ())
-    translator.lose(*(name for name in LOOKS if node.find(name) is not None))
+    translation.lose(*(name for name in LOOKS if node.find(name) is not None))
     kept = [p for p in node.properties if p.name in known or isinstance(p.value, Node)]
     film = Node("film", "hdrfilm", node.location, node.plugin_location, node.id, kept)
     for size, begin, width in (
@@ -320,7 +317,7 @@ def _film(translator: Translator, read: Node, node: Node) -> Node:
         offset, given = film.find(begin), getattr(film.find(size), "value", 0)
         if offset is not None and given == 0:
             whole = getattr(film.find(width), "value", DEFAULT_SIZE[width])
-            film = having(film, **{size: int(whole) - int(offset.value)})  # type: ignore[call-overload]
+            film = having(film, **{size: whole - getattr(offset, "value", 0)})
     return film
 
 
@@ -328,17 +325,17 @@ DEFAULT_SIZE = {"width": 768, "height": 576}
 PIXEL_FORMATS = ("luminance", "luminance_alpha", "rgb", "rgba", "xyz", "xyza")
 
 
-def _box(translator: Translator, read: Node, node: Node) -> Node:
-    return _without(translator, node, "radius")
+def _box(translation: Translation, read: Node, node: Node) -> Node:
+    return _without(translation, node, "radius")
 
 
-def _projector(translator: Translator, read: Node, node: Node) -> Node:
+def _projector(translation: Translation, read: Node, node: Node) -> Node:
     if node.find("fov") is None:
         node.properties = node.without(["fov_axis"])
     return node
 
 
-def _spot(translator: Translator, read: Node, node: Node) -> Node:
+def _spot(translation: Translation, read: Node, node: Node) -> Node:
     """A texture of one colour is part of the intensity."""
     texture, intensity = node.find("texture"), node.find("intensity")
     if texture is None or isinstance(texture.value, Node):
@@ -349,36 +346,35 @@ def _spot(translator: Translator, read: Node, node: Node) -> Node:
     return _renamed(node, node.plugin, "texture", intensity=Rgb((red, green, blue)))
 
 
-def _sampler(translator: Translator, read: Node, node: Node) -> Node | None:
+def _sampler(translation: Translation, read: Node, node: Node) -> Node | None:
     node.properties = [p for p in node.properties if p.name in ("sample_count", "seed")]
-    return node if node.plugin in HAS["sampler"].split() else translator.nearest(node)
+    return node if node.plugin in HAS["sampler"].split() else translation.nearest(node)
 
 
-def _path(translator: Translator, read: Node, node: Node) -> Node | None:
+def _path(translation: Translation, read: Node, node: Node) -> Node | None:
     mine = {"strategy": ("mis",), "version": (5, 6)}  # names that only we have, and what Mitsuba does
     lost = [name for name, values in mine.items() if (p := node.find(name)) and p.value not in values]
-    translator.lose(*lost)
+    translation.lose(*lost)
     node = _renamed(node, node.plugin, *mine)
     if getattr(node.find("rr_depth"), "value", None) == 0:
         node = having(node, rr_depth=1)
-    return node if node.plugin in HAS["integrator"].split() else translator.nearest(node)
+    return node if node.plugin in HAS["integrator"].split() else translation.nearest(node)
 
 
-def _sggx(translator: Translator, read: Node, node: Node) -> Node:
+def _sggx(translation: Translation, read: Node, node: Node) -> Node:
     """The matrix as a volume, which is all that Mitsuba 3 takes."""
-    matrix = translator.builder.construct(read).get("S", (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
+    matrix = translation.entry(read).get("S", (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))
     if not isinstance(matrix, tuple):
         return node
-    name = f"{translator.stem}-files/{len(translator.packed)}.vol"
-    translator.packed[name] = vol_bytes(np.array(matrix, np.float32).reshape(1, 1, 1, 6))
+    name = translation.pack(".vol", vol_bytes(np.array(matrix, np.float32).reshape(1, 1, 1, 6)))
     volume = having(Node("volume", "gridvolume", node.location, node.location), filename=name)
     return having(node, S=volume)
 
 
-def _homogeneous(translator: Translator, read: Node, node: Node) -> Node | None:
+def _homogeneous(translation: Translation, read: Node, node: Node) -> Node | None:
     """Extinction and albedo, which are all that Mitsuba 3 takes."""
-    node = _without(translator, node, "emission")
-    entry = translator.builder.construct(read)
+    node = _without(translation, node, "emission")
+    entry = translation.entry(read)
     kept = [p for p in node.properties if isinstance(p.value, Node) and p.value.kind == "phase"]
     result = Node("medium", "homogeneous", node.location, node.plugin_location, node.id, kept)
     if entry["type"] == "heterogeneous":  # the albedo is a volume
@@ -387,17 +383,18 @@ def _homogeneous(translator: Translator, read: Node, node: Node) -> Node | None:
         return having(result, albedo=value, sigma_t=_constant_volume(node, entry["sigma_t"]), scale=scale)
     sigma_a, sigma_s = np.array(entry["sigma_a"]), np.array(entry["sigma_s"])
     sigma_t = sigma_a + sigma_s
-    albedo = np.divide(sigma_s, sigma_t, out=np.zeros(3), where=sigma_t > 0)
-    return having(result, albedo=Rgb(tuple(albedo)), sigma_t=_constant_volume(node, tuple(sigma_t)))
+    red, green, blue = np.divide(sigma_s, sigma_t, out=np.zeros(3), where=sigma_t > 0).tolist()
+    extinction = _constant_volume(node, tuple(sigma_t.tolist()))
+    return having(result, albedo=Rgb((red, green, blue)), sigma_t=extinction)
 
 
-def _constant_volume(node: Node, value: tuple[float, ...]) -> Node:
+def _constant_volume(node: Node, value: tuple[float, float, float]) -> Node:
     """A volume, because a plain colour could not exceed one."""
     return having(Node("volume", "constvolume", node.location, node.location), value=Rgb(value))
 
 
-def _heterogeneous(translator: Translator, read: Node, node: Node) -> Node | None:
-    node = _without(translator, node, "emission")
+def _heterogeneous(translation: Translation, read: Node, node: Node) -> Node | None:
+    node = _without(translation, node, "emission")
     density = node.find("density")
     volumes = {"sigma_t": density.value} if density else {}
     for name in ("sigma_t", "albedo"):
@@ -405,43 +402,39 @@ def _heterogeneous(translator: Translator, read: Node, node: Node) -> Node | Non
         if isinstance(value, Rgb):
             volumes[name] = _constant_volume(node, value.values)
     # Before version 2, a constant extinction has no box to end at, which Mitsuba 3 gives to all but this one.
-    endless = not isinstance(translator.builder.construct(read).get("sigma_t"), dict)
+    endless = not isinstance(translation.entry(read).get("sigma_t"), dict)
     plugin = "homogeneous" if endless else "heterogeneous"
     return _renamed(node, plugin, "density", "emission", **volumes)
 
 
-def _grid_volume(translator: Translator, read: Node, node: Node) -> Node | None:
+def _grid_volume(translation: Translation, read: Node, node: Node) -> Node | None:
     """A grid of 32-bit numbers in the unit cube, placed by one matrix."""
-    entry = translator.builder.construct(read)
+    entry = translation.entry(read)
     known = ("filter_type", "wrap_mode", "filename")
     beyond = getattr(node.find("wrap_mode"), "value", "clamp")
     kept = [p for p in node.properties if p.name in known and (p.name != "wrap_mode" or beyond != "zero")]
     if beyond == "zero":
-        translator.warn(node, f"Mitsuba 3 does not end {node} at its box, but repeats its border")
+        translation.warn(node, f"Mitsuba 3 does not end {node} at its box, but repeats its border")
     result = Node("volume", "gridvolume", node.location, node.plugin_location, node.id, kept)
     result = having(result, to_world=entry["to_world"])
-    path, _ = translator.builder.find(read)
-    voxels = read_voxels(path, getattr(read.find("grid_name"), "value", "density"))
+    path, _ = translation.builder.find(read)
+    voxels, _ = load_voxels(translation.builder, read, dict(translation.builder.construction(read).values))
     if path.suffix.lower() == ".vol" and voxels.values.dtype == np.float32:
         return result
-    name = f"{translator.stem}-files/{len(translator.packed)}.vol"
-    translator.packed[name] = vol_bytes(voxels.values)
-    return having(result, filename=name)
+    return having(result, filename=translation.pack(".vol", vol_bytes(voxels.values)))
 
 
-def _daylight(translator: Translator, read: Node, node: Node) -> Node | None:
+def _daylight(translation: Translation, read: Node, node: Node) -> Node | None:
     """Sun and sky in the same place; the sky ends at the horizon."""
-    plugin = translator.builder.plugin(read)
-    assert plugin is not None
-    values = translator.builder.values(read, plugin)
+    values = translation.builder.construction(read).values
     if values.get("extend") or values.get("stretch", 1.0) > 1:
-        translator.warn(node, f"Mitsuba 3 does not extend {node} below the horizon")
-    written = for_mitsuba3(translator.builder, read, values)
+        translation.warn(node, f"Mitsuba 3 does not extend {node} below the horizon")
+    written = for_mitsuba3(translation.builder, read, values)
     empty = Node("emitter", "sunsky", node.location, node.plugin_location, node.id)
     return None if written is None else having(empty, **written)
 
 
-Adapter: TypeAlias = Callable[["Translator", Node, Node], "Node | None"]
+Adapter: TypeAlias = Callable[[Translation, Node, Node], "Node | None"]
 ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("integrator", "path"): _path,
     **{("integrator", name): _path for name in ("volpath", "volpathmis", "volpath_simple")},

@@ -12,22 +12,25 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from lajolla.picture_files import Budget
+
 from ..description.assemble import NEVER_LIGHTS
-from ..description.builder import Builder, is_child, named
+from ..description.builder import Builder, Construction, named
+from ..description.instances import Contents
+from ..description.plugin import Entry, Part, Plugin, Values, is_child
 from ..description.plugins import colours
 from ..description.plugins.textures import decode, is_alpha
-from ..description.values import constant_or_texture, convert
 from ..formats.images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
 from ..formats.ply import ply_bytes
-from ..schema import Field, Part, Plugin
+from ..schema import Field
 from ..syntax.files import MissingFile, file_bytes
 from ..syntax.nodes import Node, Property, Rgb, Value, Vector, below
 from .coats import coating
-from .instances import Contents, group, instances
+from .instances import group, instances
 from .meshes import reads_alike
 from .plugins import (
     ADAPTERS,
@@ -49,7 +52,7 @@ COUNTED = {"scene": ("integrator",), "sensor": ("film", "sampler", "medium"), "f
 COUNTED |= {"shape": ("bsdf", "emitter"), "bsdf": ("bsdf",)}
 PAIRS = ("twosided", "blendbsdf")
 MAPS = ("bumpmap", "normalmap")
-COATS = {name: coating for name in ("coating", "roughcoating")}
+COATS = ("coating", "roughcoating")
 CONSTANTS = {plugin.name for plugin in colours.PLUGINS}
 
 
@@ -66,19 +69,20 @@ class Translator:
     """Translates nodes; each is translated once, so that what is shared stays shared.
 
     `packed` collects the files to write beside the scene, by their names in it: PLY files and images. They
-    hold what Mitsuba 3 cannot read as it is, and with `pack` all meshes.
+    hold what Mitsuba 3 cannot read as it is, and with `pack_all` all meshes.
     """
 
     builder: Builder
     folder: Path  # of the file to write
     stem: str  # its name
-    pack: bool = False
+    pack_all: bool = False
     packed: dict[str, bytes | Pixels] = field(default_factory=dict)
     losses: list[Losses] = field(default_factory=list)  # of the objects that are being translated
     copied: dict[str, Path] = field(default_factory=dict)  # where files among these come from
     done: dict[Node, Node | None] = field(default_factory=dict)
     made: dict[Node, list[Node]] = field(default_factory=dict)  # of shapes
-    groups: dict[Node, Contents] = field(default_factory=dict)
+    pictures: Budget = field(default_factory=Budget)  # of those that are read again
+    groups: dict[Node, Contents[Node]] = field(default_factory=dict)
 
     def scene(self, root: Node, core: Mapping[str, Any]) -> Node:
         """The whole scene, with the integrator and the camera of its description where it has none itself."""
@@ -88,7 +92,7 @@ class Translator:
                 result.properties.append(self._described(root, kind, core[kind]))
         around = None
         for prop in _counted(root, _first_camera_first(root)):
-            for child in self._values(root, prop, None) if isinstance(prop.value, Node) else ():
+            for child in self._values(root, prop, None, {}) if isinstance(prop.value, Node) else ():
                 if isinstance(child, Node) and child.kind == "emitter" and child.plugin in ENVIRONMENTS:
                     if around is not None:
                         self.warn(child, f"Mitsuba 3 supports one environment light; {child} is omitted")
@@ -107,14 +111,20 @@ class Translator:
     def node(self, node: Node) -> Node | None:
         """The node for Mitsuba 3; None if it is omitted."""
         if node not in self.done:
-            known = self.builder.known(node)
+            built = self.builder.construction(node)
             try:
-                self.done[node] = None if known is None else self._translate(known)
+                self.done[node] = None if built.node is None else self._translate(built.node, built)
             except MissingFile:  # reading the scene warned of it
                 self.done[node] = None
         return self.done[node]
 
-    def _properties(self, node: Node, plugin: Plugin) -> Node:
+    def entry(self, node: Node) -> Entry:
+        """The entry of the description that was made of a node, as it was read."""
+        result = self.builder.construction(node).result
+        assert isinstance(result, dict)
+        return result
+
+    def _properties(self, node: Node, plugin: Plugin, values: Values) -> Node:
         """The node with each of its properties translated."""
         result = like(node, plugin.name)
         fields = {f.name: f for f in plugin.fields}
@@ -127,26 +137,27 @@ class Translator:
             self.lose("multiscatter")  # which no other renderer has
         used = [prop for prop in node.properties if id(prop) in meant and prop.name != "multiscatter"]
         for prop in _counted(node, used):
-            for value in self._values(node, prop, meant[id(prop)]):
+            for value in self._values(node, prop, meant[id(prop)], values):
                 result.properties.append(Property(prop.name, value, prop.location, prop.name_location))
         for name in REQUIRED.get((node.kind, plugin.name), ()):
             if result.find(name) is None:
                 result = having(result, **{name: fields[name].default})
         return result
 
-    def _values(self, node: Node, prop: Property, field: Field | None) -> list[Value]:
+    def _values(self, node: Node, prop: Property, field: Field | None, values: Values) -> list[Value]:
         if isinstance(prop.value, Node) and prop.value.kind == "shape":
             return list(self.shapes(prop.value))
-        value = self._property(node, prop, field)
+        value = self._property(node, prop, field, values)
         return [] if value is None else [value]
 
-    def _translate(self, node: Node) -> Node | None:
+    def _translate(self, node: Node, built: Construction) -> Node | None:
         plugin = self.builder.plugin(node)
         assert plugin is not None
         with self._reporting(node):
-            result = self._properties(node, plugin)
-            adapter = COATS.get(plugin.name) if node.kind == "bsdf" else None
-            adapter = adapter or ADAPTERS.get((node.kind, plugin.name))
+            result = self._properties(node, plugin, built.values)
+            adapter = ADAPTERS.get((node.kind, plugin.name))
+            if node.kind == "bsdf" and plugin.name in COATS:
+                adapter = coating
             if adapter is not None:
                 return adapter(self, node, result)
             return result if plugin.name in HAS[node.kind].split() else self.nearest(result)
@@ -175,29 +186,24 @@ class Translator:
         """Notes properties of the object that is being translated which Mitsuba 3 does not have."""
         self.losses[-1].names += names
 
-    def _property(self, node: Node, prop: Property, field: Field | None) -> Value | None:
-        if isinstance(prop.value, Node):
-            if prop.value.kind != "texture" or field is None:
-                return self.node(prop.value)
-            if not self.builder.fits(prop.value, field):
-                return None  # reading the scene warned of it
-            if prop.value.plugin.lower() not in CONSTANTS:
-                return self.node(prop.value)
-            if isinstance(content := constant_or_texture(self.builder, prop), dict):  # a texture inside
-                nested = next((child for _, child in prop.value.children("texture")), None)
-                return nested and self.node(nested)
-            if field.type != "float":
-                prop = Property(prop.name, content, prop.location, prop.name_location)
-        if field is None:
+    def _property(self, node: Node, prop: Property, field: Field | None, values: Values) -> Value | None:
+        child = prop.value if isinstance(prop.value, Node) else None
+        if child is not None and (child.kind != "texture" or field is None):
+            return self.node(child)
+        if field is None or field.name not in values:
             return None  # reading the scene warned of it
-        value = convert(self.builder, node, prop, field)
+        value = values[field.name]
+        if child is not None and child.plugin.lower() not in CONSTANTS:
+            return self.node(child)
+        if child is not None and isinstance(value, dict):  # a texture inside
+            nested = next((inner for _, inner in child.children("texture")), None)
+            return nested and self.node(nested)
         if field.type in ("texture_spectrum", "spectrum", "volume_spectrum") and isinstance(value, tuple):
-            return Rgb(value)
+            red, green, blue = value
+            return Rgb((red, green, blue))
         if field.type == "vector":
             return Vector(value)
-        if field.name == "filename":
-            return self._path(node, value)
-        return value
+        return self._path(node, value) if field.name == "filename" else cast("Value", value)
 
     def _path(self, node: Node, name: str) -> str:
         path, _ = self.builder.find(node)
@@ -242,11 +248,15 @@ class Translator:
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
         """Packs a bitmap's pixels as linear floating-point numbers; the name of the file."""
         place = node.property_location("filename")
-        pixels = read_pixels(self._file_of(node), place, self.builder.pictures, channel, pixel=FLOAT_RGB)
-        name = f"{self.stem}-files/{len(self.packed)}.exr"
+        pixels = read_pixels(self._file_of(node), place, self.pictures, channel, pixel=FLOAT_RGB)
         encoded = is_integer_file(self._file_of(node))
         linear = decode(pixels, 1.0 if is_alpha(channel) else gamma) if encoded else pixels
-        self.packed[name] = np.broadcast_to(linear, (*linear.shape[:2], 3))
+        return self.pack(".exr", np.broadcast_to(linear, (*linear.shape[:2], 3)))
+
+    def pack(self, ending: str, content: bytes | Pixels) -> str:
+        """Adds a file to those that are written beside the scene; its name."""
+        name = f"{self.stem}-files/{len(self.packed)}{ending}"
+        self.packed[name] = content
         return name
 
     def _file_of(self, node: Node) -> Path:
@@ -259,15 +269,16 @@ class Translator:
     def shapes(self, node: Node) -> list[Node]:
         """The shape itself if Mitsuba 3 treats it identically, else its meshes."""
         if node not in self.made:
-            known = self.builder.known(node)
+            built = self.builder.construction(node)
+            known = built.node
             try:
                 with self._reporting(known or node):
-                    self.made[node] = [] if known is None else self._shapes(known)
+                    self.made[node] = [] if known is None else self._shapes(known, built)
             except MissingFile:  # reading the scene warned of it
                 self.made[node] = []
         return self.made[node]
 
-    def _shapes(self, node: Node) -> list[Node]:
+    def _shapes(self, node: Node, built: Construction) -> list[Node]:
         plugin = self.builder.plugin(node)
         assert plugin is not None
         if plugin.name == "merge":
@@ -276,12 +287,13 @@ class Translator:
             return group(self, node)
         if plugin.name == "instance":
             return instances(self, node)
-        result = with_boundary(self._properties(node, plugin))
-        entry = self.builder.construct(node)
-        if entry is None:
-            return []
+        result = with_boundary(self._properties(node, plugin, built.values))
+        entry = built.result
         if isinstance(entry, list):
-            return [self._packed(having_bsdf(result, self._part_bsdf(part)), part.entry) for part in entry]
+            parts = [part for part in entry if isinstance(part, Part)]
+            return [self._packed(having_bsdf(result, self._part_bsdf(part)), part.entry) for part in parts]
+        if not isinstance(entry, dict):
+            return []
         if plugin.name in HAS["shape"].split() and not self._must_pack(result, entry):
             return [
                 Node(node.kind, plugin.name, node.location, node.location, node.id, result.without(READING))
@@ -294,8 +306,7 @@ class Translator:
         return self.node(part.bsdf) if part.bsdf else None
 
     def _packed(self, node: Node, entry: Mapping[str, Any]) -> Node:
-        name = f"{self.stem}-files/{len(self.packed)}.ply"
-        self.packed[name] = ply_bytes(entry["mesh"])
+        name = self.pack(".ply", ply_bytes(entry["mesh"]))
         kept = ("", "face_normals", "flip_normals", "to_world")
         properties = [p for p in node.properties if p.name in kept or isinstance(p.value, Node)]
         return having(Node("shape", "ply", node.location, node.location, node.id, properties), filename=name)
@@ -303,7 +314,7 @@ class Translator:
     def _must_pack(self, node: Node, entry: Mapping[str, Any]) -> bool:
         if node.plugin in ("obj", "ply", "serialized"):
             indexed = node.plugin == "obj" and node.find("shape_index") is not None
-            if self.pack or indexed or node.find("max_smooth_angle") is not None:
+            if self.pack_all or indexed or node.find("max_smooth_angle") is not None:
                 return True
             mesh = entry["mesh"]
             return mesh.concave or not reads_alike(self._file_of(node), node.plugin, len(mesh.faces))
@@ -311,9 +322,9 @@ class Translator:
 
 
 def _first_camera_first(root: Node) -> list[Property]:
-    """A scene's properties; of several sensors, files before 2.0 show the last and newer ones the first."""
+    """A scene's properties; of several sensors Mitsuba 3 shows the first."""
     sensors = [prop for prop, _ in root.children("sensor")]
-    if root.version >= (2, 0, 0) or len(sensors) < 2:
+    if not root.unsaid.last_sensor or len(sensors) < 2:
         return root.properties
     others = [p for p in root.properties if not (isinstance(p.value, Node) and p.value.kind == "sensor")]
     return [*reversed(sensors), *others]

@@ -12,6 +12,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,7 @@ from .voxels import VoxelError, Voxels, box_transform, checked_shape, most_spars
 
 Bytes = npt.NDArray[np.uint8]
 Values = npt.NDArray[np.float32]
+Whole = npt.NDArray[np.int64]
 
 MAGIC = (b"NanoVDB0", b"NanoVDB1", b"NanoVDB2")
 FILE_HEADER = struct.Struct("<8sIHH")  # magic, version, grids, codec
@@ -53,8 +55,8 @@ def read_nvdb(path: Path, grid_name: str) -> Voxels:
     """
     data = file_bytes(path)
     names: dict[str, tuple[bytes, int, int]] = {}  # codec and place of each grid
-    for name, block in _grids(data):
-        names.setdefault(name, block)
+    for name, place in _grids(data):
+        names.setdefault(name, place)
     if not names:
         raise VoxelError("it holds no grid")
     if grid_name not in names and len(names) > 1:
@@ -155,7 +157,7 @@ class _Grid:
         self.seen: set[int] = set()  # nodes, each of which has one place
         self.leaf_values = _padded(80 + statistics) if self.type in (FLOAT, VEC3F) else 96
 
-    def read(self, at: int, kind: str, count: int = 1) -> Array:
+    def read(self, at: int, kind: str, count: int = 1) -> Any:  # noqa: ANN401
         """Numbers at a byte offset; one of them is a scalar."""
         kind_of = np.dtype(kind)
         end = at + kind_of.itemsize * count
@@ -179,14 +181,14 @@ class _Grid:
             self._root_tile(root, root + self.root_header + i * self.tile)
         return Voxels(self.dense.transpose(2, 1, 0, 3).reshape(shape), self._box(low, high))
 
-    def _box(self, low: Array, high: Array) -> Array:
+    def _box(self, low: Whole, high: Whole) -> Array:
         """Voxels are centred at whole numbers of index space, from which a map goes to the world."""
         to_world = np.eye(4)
         to_world[:3, :3] = self.read(GRID_MAP + MAP_MATRIX, "<f8", 9).reshape(3, 3)
         to_world[:3, 3] = self.read(GRID_MAP + MAP_OFFSET, "<f8", 3)
         if not np.all(np.isfinite(to_world)):
             raise VoxelError("its transform is not finite")
-        return to_world @ box_transform(low - 0.5, high + 0.5)
+        return to_world @ box_transform(low.astype(float) - 0.5, high.astype(float) + 0.5)
 
     def _visit(self, at: int) -> int:
         """The place of a node, which no other one leads to: small files could be endless otherwise."""
@@ -208,7 +210,7 @@ class _Grid:
         else:
             self._node(self._visit(root + child), origin, 0)
 
-    def _node(self, at: int, origin: Array, depth: int) -> None:
+    def _node(self, at: int, origin: Whole, depth: int) -> None:
         """An inner node: its table holds values of empty regions, and offsets of children."""
         level = self.levels[depth]
         mask = np.unpackbits(self.read(at + 32 + level.masks, "u1", level.masks), bitorder="little")
@@ -248,17 +250,17 @@ class _Grid:
             codes = single @ (1 << np.arange(bits))
         return (least + step * codes).astype(np.float32).reshape(shape)
 
-    def _fill(self, corner: Array, size: int, value: Values) -> None:
+    def _fill(self, corner: Whole, size: int, value: Values) -> None:
         low, high = self._clipped(corner, size)
         self.dense[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = value
 
-    def _copy(self, corner: Array, values: Values) -> None:
+    def _copy(self, corner: Whole, values: Values) -> None:
         low, high = self._clipped(corner, LEAF)
         a, b = low + self.low - corner, high + self.low - corner
         part = values[a[0] : b[0], a[1] : b[1], a[2] : b[2]]
         self.dense[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = part
 
-    def _clipped(self, corner: Array, size: int) -> tuple[Array, Array]:
+    def _clipped(self, corner: Whole, size: int) -> tuple[Whole, Whole]:
         """A cube's corners in the dense array, cut off where that ends."""
         extent = np.array(self.dense.shape[:3])
         return np.clip(corner - self.low, 0, extent), np.clip(corner + size - self.low, 0, extent)

@@ -12,6 +12,7 @@ import re
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,7 @@ from .packing import inflated, unpacked_by_blosc
 from .voxels import VoxelError, Voxels, box_transform, checked_shape, most_sparse
 
 Mask = npt.NDArray[np.bool_]
-Numbers = npt.NDArray[np.generic]
+Numbers = npt.NDArray[Any]  # of the type that the file tells
 
 MAGIC = 0x56444220
 OLDEST = 222  # the format of OpenVDB 2.0
@@ -57,20 +58,20 @@ class _Stream:
         self.data = data
         self.at = at
 
-    def bytes(self, count: int) -> bytes:
+    def take(self, count: int) -> bytes:
         if not 0 <= count <= len(self.data) - self.at or self.at < 0:
             raise VoxelError("it is cut short")
         self.at += count
         return self.data[self.at - count : self.at]
 
     def numbers(self, form: str) -> tuple[int, ...]:
-        return struct.unpack(f"<{form}", self.bytes(struct.calcsize(f"<{form}")))
+        return struct.unpack(f"<{form}", self.take(struct.calcsize(f"<{form}")))
 
     def array(self, kind: str, count: int) -> Numbers:
-        return np.frombuffer(self.bytes(np.dtype(kind).itemsize * count), kind)
+        return np.frombuffer(self.take(np.dtype(kind).itemsize * count), kind)
 
     def text(self) -> str:
-        return self.bytes(*self.numbers("I")).decode("utf-8", "replace")
+        return self.take(*self.numbers("I")).decode("utf-8", "replace")
 
     def mask(self, count: int) -> Mask:
         return np.unpackbits(self.array("u1", count // 8), bitorder="little").astype(bool)
@@ -80,7 +81,7 @@ class _Stream:
         result = {}
         for _ in range(*self.numbers("I")):
             name, _type = self.text(), self.text()
-            result[name] = self.bytes(*self.numbers("I"))
+            result[name] = self.take(*self.numbers("I"))
         return result
 
 
@@ -128,9 +129,9 @@ def _contents(stream: _Stream) -> dict[str, _Entry]:
         raise VoxelError(f"its format {version} is older than {OLDEST}, that of OpenVDB 2.0")
     if not has_offsets:
         raise VoxelError("it was written to a stream, without the places of its grids")
-    stream.bytes(36)  # its identifier
+    stream.take(36)  # its identifier
     stream.metadata()
-    entries = {}
+    entries: dict[str, _Entry] = {}
     for _ in range(*stream.numbers("I")):
         name, kind, parent = stream.text(), stream.text(), stream.text()
         at, _, stream.at = stream.numbers("qqq")  # the next entry is behind the grid
@@ -255,10 +256,10 @@ class _Tree:
         size = count * self.channels * np.dtype(self.stored).itemsize
         plain = not self.flags & (ZIP | BLOSC) or (count == 0 and self.stored != self.kind)
         if plain:  # arrays of halves have no size before them where they are empty
-            data = self.stream.bytes(size)
+            data = self.stream.take(size)
         else:
             (packed,) = self.stream.numbers("q")  # below zero where nothing is gained by packing
-            block = self.stream.bytes(abs(packed))
+            block = self.stream.take(abs(packed))
             if packed <= 0:
                 data = block
             else:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
-from ..schema import Content
-from ..syntax.nodes import Array
+from lajolla import _core
 
 
-def ply_bytes(mesh: Content) -> bytes:
+def ply_bytes(mesh: _core.Mesh) -> bytes:
     """Vertices with normals, texture coordinates and attributes, and triangles, as far as there are any.
 
     Args:
@@ -17,7 +17,7 @@ def ply_bytes(mesh: Content) -> bytes:
     vertices = (
         _columns("x y z", mesh.vertices) | _columns("nx ny nz", mesh.normals) | _columns("u v", mesh.uvs)
     )
-    faces: dict[str, Array] = {}
+    faces: dict[str, npt.NDArray[np.generic]] = {}
     for name, values in mesh.attributes.items():
         kind, _, prefix = name.partition("_")
         letters = "rgba" if prefix == "color" else "0123"
@@ -43,5 +43,5 @@ def ply_bytes(mesh: Content) -> bytes:
     return "\n".join(header).encode() + table.tobytes() + indices.tobytes()
 
 
-def _columns(names: str, array: Array | None) -> dict[str, Array]:
+def _columns(names: str, array: npt.NDArray[np.generic] | None) -> dict[str, npt.NDArray[np.generic]]:
     return {} if array is None else {name: array[:, i] for i, name in enumerate(names.split())}

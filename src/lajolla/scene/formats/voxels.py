@@ -46,7 +46,7 @@ def box_transform(low: Array, high: Array) -> Array:
 
 
 # Encodings of .vol files.
-ENCODINGS = {1: np.dtype("<f4"), 2: np.dtype("<f2"), 3: np.dtype("u1")}
+ENCODINGS: dict[int, np.dtype[np.generic]] = {1: np.dtype("<f4"), 2: np.dtype("<f2"), 3: np.dtype("u1")}
 HEADER = struct.Struct("<3sB5i6f")
 
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..description.substitutes import SUBSTITUTES
-from ..schema import Content, Plugin
 from .errors import Location, SceneError, Source, did_you_mean, nearest
 from .expand import LATEST
 from .foreign import is_mesh, plain
@@ -20,6 +18,8 @@ from .nodes import KINDS, Node, Property, Reference, Rgb, Spectrum, SpectrumFile
 from .resolve import MAX_NESTING
 from .typed import Tree
 
+Names: TypeAlias = Mapping[str, Collection[str]]  # of plugins in lower case, by kind
+
 # A dict inside several others is an object in each: so many may come of it, and so many more for each dict.
 MOST_REPEATED = 1 << 14
 MOST_MEETINGS = 64
@@ -27,17 +27,21 @@ MOST_SAMPLES = 1 << 16  # of a spectrum
 LOSSY = ("roughconductor", "roughdielectric", "roughplastic")  # where microfacets shadow each other
 
 
-def nodes_from_dict(
-    scene: Mapping[str, Any], base_path: Path, table: Mapping[str, Mapping[str, Plugin]]
-) -> Tree:
+def nodes_from_dict(scene: Mapping[str, Any], base_path: Path, known: Names, replaced: Names) -> Tree:
     """The nodes of a scene dict. Every key of the root is the id of its object. Rough surfaces give back the
     light that bounces between microfacets unless they say otherwise.
+
+    Args:
+        scene: the dict.
+        base_path: the folder of files that it names.
+        known: the plugins that there are.
+        replaced: those that others stand in for.
 
     Raises:
         SceneError: no "type", an unknown one, or a value of a type that scenes do not have.
     """
     source = Source("scene", b"", base_path, LATEST)
-    reader = _DictReader(source, table)
+    reader = _DictReader(source, known, replaced)
     kind = scene.get("type") if isinstance(scene, Mapping) else None
     if not isinstance(kind, str) or kind != "scene":
         raise SceneError('the dict must have {"type": "scene"}', Location(source))
@@ -70,7 +74,8 @@ def _may_be_anisotropic(node: Node) -> bool:
 @dataclass
 class _DictReader:
     source: Source
-    table: Mapping[str, Mapping[str, Plugin]]
+    known: Names
+    replaced: Names
     tree: Tree | None = None
     met: set[int] = field(default_factory=set)  # dicts that are there, however often they are met
     meetings: int = 0
@@ -93,7 +98,7 @@ class _DictReader:
     def at(self, path: list[str]) -> Location:
         return Location(self.source, key=".".join(path))
 
-    def value(self, entry: Content, path: list[str]) -> Value:
+    def value(self, entry: object, path: list[str]) -> Value:
         """A node for a dict, and a typed value for anything else."""
         location = self.at(path)
         if isinstance(entry, Mapping):
@@ -103,7 +108,7 @@ class _DictReader:
             raise SceneError("the number is too large", location)
         return value if isinstance(value, bool | int | float | str) else _array_value(value)
 
-    def mesh(self, mesh: Content, path: list[str]) -> Node:
+    def mesh(self, mesh: object, path: list[str]) -> Node:
         """A shape of a mesh that stands for itself in a dict."""
         location = self.at(path)
         prop = Property("mesh", mesh, location, location)
@@ -139,23 +144,23 @@ class _DictReader:
     def kind(self, plugin: str, key: str, location: Location) -> str:
         """The kind of object that a plugin name means; the key may be that of a kind ("integrator")."""
         name = plugin.lower()
-        kinds = [k for k in KINDS if name in self.table.get(k, {}) or name in SUBSTITUTES.get(k, {})]
+        kinds = [k for k in KINDS if name in self.known.get(k, ()) or name in self.replaced.get(k, ())]
         if key in KINDS and (not kinds or key in kinds):
             return key
         if kinds:
             return kinds[0]
-        known = [plugin for names in self.table.values() for plugin in names]
+        known = [plugin for names in self.known.values() for plugin in names]
         close = nearest(plugin, known)
         hint = did_you_mean(plugin, known) if close else ""
         raise SceneError(f'unknown plugin "{plugin}"{hint}', location)
 
 
-def _plain(entry: Content, location: Location) -> Content:
+def _plain(entry: object, location: Location) -> object:
     """A value within a value; a dict is no mistake of another library's."""
     return entry if isinstance(entry, Mapping) else plain(entry, location)
 
 
-def _array_value(entry: Content) -> Value:
+def _array_value(entry: Any) -> Value:  # noqa: ANN401
     """Three numbers are a vector; other objects stay, for the field that takes them to judge."""
     if len_of(entry) != 3:
         return entry
@@ -166,7 +171,7 @@ def _array_value(entry: Content) -> Value:
     return Vector((x, y, z))
 
 
-def len_of(entry: Content) -> int:
+def len_of(entry: object) -> int:
     """The length of what may be a sequence of numbers, which is not looked at otherwise; 0 for others."""
     shape = getattr(entry, "shape", None)
     if isinstance(shape, tuple):
@@ -174,7 +179,7 @@ def len_of(entry: Content) -> int:
     return len(entry) if isinstance(entry, Sequence) and not isinstance(entry, str | bytes) else 0
 
 
-def _rgb(value: Content, location: Location, *, srgb: bool) -> Rgb:
+def _rgb(value: object, location: Location, *, srgb: bool) -> Rgb:
     try:
         text = (
             value
@@ -186,7 +191,7 @@ def _rgb(value: Content, location: Location, *, srgb: bool) -> Rgb:
     return parse_rgb(Text(text, location), srgb=srgb)
 
 
-def _small(value: Content) -> Content:
+def _small(value: object) -> object:
     if getattr(value, "size", 0) > 3:
         raise ValueError
     return value
@@ -195,11 +200,11 @@ def _small(value: Content) -> Content:
 def _spectrum(entry: Mapping[str, Any], location: Location) -> Value:
     if "filename" in entry:
         return SpectrumFile(str(_plain(entry["filename"], location)))
-    value = _plain(entry.get("value", ""), location)
+    value: Any = _plain(entry.get("value", ""), location)
     try:
         if isinstance(value, int | float) and not isinstance(value, bool):
             return Spectrum((float(value),))
-        if np.shape(value)[1:] not in ((), (2,)) or len(value) > MOST_SAMPLES:
+        if value is None or np.shape(value)[1:] not in ((), (2,)) or len(value) > MOST_SAMPLES:
             raise ValueError
         samples = np.asarray(value, dtype=np.float64)
         wavelengths = samples[:, 0] if "wavelengths" not in entry else np.asarray(entry["wavelengths"], float)

@@ -92,6 +92,27 @@ class Property:
     name_location: Location
 
 
+@dataclass(frozen=True)
+class Unsaid:
+    """What a file means where it says nothing and no property could say it; `versions` writes it into nodes.
+
+    The defaults are those of today.
+    """
+
+    integrator: str = ""  # of a scene without one; "": it is told of, and "path" used
+    last_sensor: bool = False  # of several the last counts, not the first
+    camera: bool = False  # a scene without one is seen by one that sees everything
+    daylight: bool = False  # a scene without light has sun and sky
+    lights_add_up: bool = False  # several lights around a scene are nothing to tell of
+    boundary: str = "diffuse"  # the bsdf of a shape around a medium, without its own
+    mirrored: bool = True  # a sphere that is mirrored is turned inside out
+    bounded: bool = True  # a constant extinction ends at a box, as a grid does
+    exchanged: bool = True  # a checkerboard that is read as a number exchanges its colours
+
+
+SINCE_2 = Unsaid()
+
+
 @dataclass(eq=False)
 class Node:
     """An object of the scene: its kind ("bsdf"), its plugin ("diffuse") and its properties in file order."""
@@ -102,6 +123,7 @@ class Node:
     plugin_location: Location
     id: str = ""
     properties: list[Property] = field(default_factory=list)
+    unsaid: Unsaid = SINCE_2
 
     def find(self, name: str) -> Property | None:
         """The property of that name; the last one if it was given twice."""
@@ -135,11 +157,6 @@ class Node:
         """The properties except those of these names."""
         dropped = set(names)
         return [p for p in self.properties if p.name not in dropped]
-
-    @property
-    def version(self) -> tuple[int, int, int]:
-        """The format version of the file in which the node stands."""
-        return self.location.source.version
 
     def __str__(self) -> str:
         return f'{self.kind} "{self.plugin}"' if self.plugin else self.kind

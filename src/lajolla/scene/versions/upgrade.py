@@ -6,16 +6,28 @@ defaults that differ between versions are written out, so that later stages do n
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from ..schema import HARMLESS, Plugin
+from ..schema import HARMLESS, Declared
 from ..syntax.errors import Diagnostics
-from ..syntax.nodes import Node, Property
+from ..syntax.names import snake_case
+from ..syntax.nodes import Node, Property, Unsaid
 
 AIR = 1.000277
+
+BEFORE_2 = Unsaid(
+    integrator="direct",
+    last_sensor=True,
+    camera=True,
+    daylight=True,
+    lights_add_up=True,
+    boundary="null",
+    mirrored=False,
+    bounded=False,
+    exchanged=False,
+)
 
 OLD_PLUGINS = {
     ("film", "exrfilm"): "hdrfilm",
@@ -44,7 +56,7 @@ UV_PROPERTIES = ("uscale", "vscale", "uvscale", "uoffset", "voffset")
 
 
 def upgrade(
-    nodes: Iterable[Node], table: Mapping[str, Mapping[str, Plugin]], diagnostics: Diagnostics
+    nodes: Iterable[Node], table: Mapping[str, Mapping[str, Declared]], diagnostics: Diagnostics
 ) -> None:
     """Brings nodes from files before 2.0 up to date, in place. Disney names go either way in any.
 
@@ -53,7 +65,8 @@ def upgrade(
     for node in nodes:
         known = table.get(node.kind, {}).get(node.plugin.lower())
         node.plugin = known.name if known else node.plugin
-        if node.version < (2, 0, 0):
+        if node.location.source.version < (2, 0, 0):
+            node.unsaid = BEFORE_2
             _upgrade_names(node)
             _upgrade_uv(node)
             _write_defaults(node)
@@ -63,7 +76,7 @@ def upgrade(
             _correct_names(node, [known] if known else table.get(node.kind, {}).values(), diagnostics)
 
 
-def _correct_names(node: Node, plugins: Iterable[Plugin], diagnostics: Diagnostics) -> None:
+def _correct_names(node: Node, plugins: Iterable[Declared], diagnostics: Diagnostics) -> None:
     """Names of before 2.0 in a newer file, where the plugin, or any for an unknown one, has them today."""
     old = [(prop, name) for prop in node.properties if (name := snake_case(prop.name)) != prop.name]
     if not old:
@@ -80,11 +93,6 @@ def _correct_names(node: Node, plugins: Iterable[Plugin], diagnostics: Diagnosti
             prop.name = name
 
 
-def snake_case(name: str) -> str:
-    """`toWorld` -> `to_world`, `intIOR` -> `int_ior`; what has no inner capital stays."""
-    return re.sub(r"(?<=[a-z0-9])[A-Z]+", lambda capitals: "_" + capitals.group().lower(), name)
-
-
 def _upgrade_names(node: Node) -> None:
     node.plugin = OLD_PLUGINS.get((node.kind, node.plugin.lower()), node.plugin)
     for prop in node.properties:
@@ -98,12 +106,13 @@ def _upgrade_names(node: Node) -> None:
 
 def _upgrade_uv(node: Node) -> None:
     """0.x evaluates `uv * scale + offset`."""
-    given = {
-        p.name: p for p in node.properties if p.name in UV_PROPERTIES and isinstance(p.value, int | float)
-    }
+    given: dict[str, Property] = {}
+    values: dict[str, float] = {}
+    for prop in node.properties:
+        if prop.name in UV_PROPERTIES and isinstance(prop.value, int | float):
+            given[prop.name], values[prop.name] = prop, float(prop.value)
     if not given or node.kind != "texture":
         return
-    values = {name: float(prop.value) for name, prop in given.items()}  # type: ignore[arg-type]
     both = values.get("uvscale", 1.0)
     matrix = np.eye(4)
     matrix[0, 0], matrix[1, 1] = values.get("uscale", both), values.get("vscale", both)

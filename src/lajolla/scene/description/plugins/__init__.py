@@ -1,6 +1,6 @@
 """Plugins of scene files that the core does not have in the same form."""
 
-from ...schema import Plugin
+from ..plugin import Plugin
 from . import (
     adapters,
     bsdfs,

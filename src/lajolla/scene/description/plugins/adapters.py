@@ -3,115 +3,106 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
 
-from ...schema import BLACK, AdapterId, Field, MaterialId, Plugin, Slot
+from ...schema import Field
 from ...syntax.errors import SceneError
 from ...syntax.literals import Text, parse_floats
 from ...syntax.nodes import Node
-from ..values import convert
-
-if TYPE_CHECKING:
-    from ..builder import Builder
+from ..plugin import BLACK, AdapterId, Context, MaterialId, Plugin, Slot, Values
 
 
-def lets_light_through(builder: Builder, material: MaterialId) -> bool:
-    """Whether any part of a material is seen from both sides."""
-    return any(builder.transmissive[bsdf] for bsdf in builder.bsdfs_of(material))
-
-
-def _inner(builder: Builder, node: Node, most: int, needed: str) -> list[Slot]:
+def _inner(context: Context, node: Node, most: int, needed: str) -> list[Slot]:
     """The slots of the bsdfs inside an adapter, up to a maximum number."""
-    slots = [slot for _, child in node.children("bsdf") if (slot := builder.slot(child)) is not None]
+    slots = [slot for _, child in node.children("bsdf") if (slot := context.slot(child)) is not None]
     if not slots:
         raise SceneError(f"{node} needs {needed} inside", node.location)
     if len(slots) > most:
         first = "the first one is used" if most == 1 else f"the first {most} are used"
-        builder.diagnostics.warn(f"{node} has {len(slots)} bsdfs inside; {first}", node.location)
+        context.diagnostics.warn(f"{node} has {len(slots)} bsdfs inside; {first}", node.location)
     return slots[:most]
 
 
-def _two_sided(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
-    slots = _inner(builder, node, 2, "one or two bsdfs")
+def _two_sided(context: Context, node: Node, values: Values) -> Slot:
+    slots = _inner(context, node, 2, "one or two bsdfs")
     front, back = slots[0], slots[-1]
-    if any(lets_light_through(builder, slot.front) for slot in slots):
-        builder.diagnostics.warn(
+    if any(context.lets_light_through(slot.front) for slot in slots):
+        context.diagnostics.warn(
             f"{node} cannot contain a transmissive bsdf, which is used alone", node.location
         )
         return front
     return Slot(front.front, back.front)
 
 
-def _mask(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
-    inner = _inner(builder, node, 1, "a bsdf")[0]
+def _mask(context: Context, node: Node, values: Values) -> Slot:
+    inner = _inner(context, node, 1, "a bsdf")[0]
     if values.setdefault("opacity", 0.5) == 1:
         return inner
-    return _around(builder, node, "mask", values, inner)
+    return _around(context, node, "mask", values, inner)
 
 
-def _filter(passing: float) -> Callable[[Builder, Node, dict[str, Any]], Slot]:
+def _filter(passing: float) -> Callable[[Context, Node, Values], Slot]:
     """Polarising plates, which transmit this fraction of unpolarised light."""
 
-    def build(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+    def build(context: Context, node: Node, values: Values) -> Slot:
         clear, share = values.get("transmittance", (1.0, 1.0, 1.0)), 1.0
         if isinstance(clear, dict):
             share = passing
         else:
             clear = tuple(passing * c for c in clear)
         sheet = {"type": "thindielectric", "int_ior": 1.0, "ext_ior": 1.0, "specular_transmittance": clear}
-        plate: MaterialId = builder.add_once("bsdfs", sheet, node)
+        plate: MaterialId = context.add_once("bsdfs", sheet, node)
         if share < 1:
-            plate = builder.adapt(node, "blendbsdf", {"weight": share}, first=BLACK, second=plate)
+            plate = context.adapt(node, "blendbsdf", {"weight": share}, first=BLACK, second=plate)
         return Slot(plate)
 
     return build
 
 
-def _around(builder: Builder, node: Node, name: str, values: dict[str, Any], inner: Slot) -> Slot:
+def _around(context: Context, node: Node, name: str, values: Values, inner: Slot) -> Slot:
     """A slot with an adapter on both sides."""
-    front = builder.adapt(node, name, values, child=inner.front)
-    back = BLACK if inner.back == BLACK else builder.adapt(node, name, values, child=inner.back)
+    front = context.adapt(node, name, values, child=inner.front)
+    back = BLACK if inner.back == BLACK else context.adapt(node, name, values, child=inner.back)
     return Slot(front, back)
 
 
-def _map(builder: Builder, node: Node, name: str, texture: str, values: dict[str, Any]) -> Slot:
+def _map(context: Context, node: Node, name: str, texture: str, values: Values) -> Slot:
     """A bump or normal map: its texture has any name, or none."""
-    inner = _inner(builder, node, 1, "a bsdf")[0]
-    textures = [prop for prop, child in node.children("texture") if builder.texture(child) is not None]
+    inner = _inner(context, node, 1, "a bsdf")[0]
+    textures = [prop for prop, child in node.children("texture") if context.texture(child) is not None]
     if not textures and texture not in values:
-        builder.diagnostics.warn(f"{node} has no texture inside and changes nothing", node.location)
+        context.diagnostics.warn(f"{node} has no texture inside and changes nothing", node.location)
         return inner
     if len(textures) > 1:
-        builder.diagnostics.warn(f"{node} has more than one texture; the first one is used", node.location)
+        context.diagnostics.warn(f"{node} has more than one texture; the first one is used", node.location)
     if textures:
-        field = next(f for f in builder.table["bsdf"][name].fields if f.name == texture)
-        values[texture] = convert(builder, node, textures[0], field)
-    front = builder.adapt(node, name, values, child=inner.front)
+        field = next(f for f in context.declared("bsdf", name) if f.name == texture)
+        values[texture] = context.convert(node, textures[0], field)
+    front = context.adapt(node, name, values, child=inner.front)
     if inner.back == BLACK:
         return Slot(front)
     # What stands out of the front is a hollow seen from behind.
     mirrored = values | {"scale": -values.get("scale", 1.0)}
-    return Slot(front, builder.adapt(node, name, mirrored, child=inner.back))
+    return Slot(front, context.adapt(node, name, mirrored, child=inner.back))
 
 
-def _bump_map(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
-    return _map(builder, node, "bumpmap", "map", values)
+def _bump_map(context: Context, node: Node, values: Values) -> Slot:
+    return _map(context, node, "bumpmap", "map", values)
 
 
-def _normal_map(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
-    return _map(builder, node, "normalmap", "normalmap", values)
+def _normal_map(context: Context, node: Node, values: Values) -> Slot:
+    return _map(context, node, "normalmap", "normalmap", values)
 
 
-def _blend(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
-    slots = _inner(builder, node, 2, "two bsdfs")
+def _blend(context: Context, node: Node, values: Values) -> Slot:
+    slots = _inner(context, node, 2, "two bsdfs")
     if len(slots) < 2:
         raise SceneError(f"{node} needs two bsdfs inside", node.location)
-    return _mixed(builder, node, values, *slots)
+    return _mixed(context, node, values, *slots)
 
 
-def _mixture(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+def _mixture(context: Context, node: Node, values: Values) -> Slot:
     """`mixturebsdf`: the remaining weight is black."""
-    slots = _inner(builder, node, len(node.properties), "bsdfs")
+    slots = _inner(context, node, len(node.properties), "bsdfs")
     text = Text(values.get("weights", ""), node.property_location("weights"))
     weights = parse_floats(text, (len(text.text.replace(",", " ").split()),)) if text.text.strip() else ()
     if len(weights) != len(slots):
@@ -121,7 +112,7 @@ def _mixture(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
     if min(weights) < 0 or not 0 < total < float("inf"):
         raise SceneError("weights must be positive, not all zero", node.property_location("weights"))
     if total > 1 + 1e-4:
-        builder.diagnostics.warn(
+        context.diagnostics.warn(
             f"the weights of {node} sum to {total:g} and are scaled to 1", node.property_location("weights")
         )
     shares = [*zip(weights, slots, strict=True), (max(1 - total, 0.0), Slot(BLACK))]
@@ -130,55 +121,55 @@ def _mixture(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
         share, slot = shares.pop()
         rest += share
         if rest > 0 and share < rest:
-            mixed = _mixed(builder, node, {"weight": 1 - share / rest}, slot, mixed)
+            mixed = _mixed(context, node, {"weight": 1 - share / rest}, slot, mixed)
         elif share > 0:
             mixed = slot
     return mixed
 
 
-def _mixed(builder: Builder, node: Node, values: dict[str, Any], first: Slot, second: Slot) -> Slot:
-    front = builder.adapt(node, "blendbsdf", values, first=first.front, second=second.front)
+def _mixed(context: Context, node: Node, values: Values, first: Slot, second: Slot) -> Slot:
+    front = context.adapt(node, "blendbsdf", values, first=first.front, second=second.front)
     if first.back == second.back == BLACK:
         return Slot(front)
-    backs = (_seen_from_behind(builder, slot) for slot in (first, second))
-    return Slot(front, builder.adapt(node, "blendbsdf", values, first=next(backs), second=next(backs)))
+    backs = (_seen_from_behind(context, slot) for slot in (first, second))
+    return Slot(front, context.adapt(node, "blendbsdf", values, first=next(backs), second=next(backs)))
 
 
-def _seen_from_behind(builder: Builder, slot: Slot) -> MaterialId:
+def _seen_from_behind(context: Context, slot: Slot) -> MaterialId:
     """Transmissive bsdfs are visible from both sides."""
-    return slot.front if slot.back == BLACK and lets_light_through(builder, slot.front) else slot.back
+    return slot.front if slot.back == BLACK and context.lets_light_through(slot.front) else slot.back
 
 
-def _coating(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
+def _coating(context: Context, node: Node, values: Values) -> Slot:
     """Adds a coating to every bsdf inside blends, masks and maps."""
-    inner = _inner(builder, node, 1, "a bsdf")[0]
-    clear = lets_light_through(builder, inner.front) or lets_light_through(builder, inner.back)
+    inner = _inner(context, node, 1, "a bsdf")[0]
+    clear = context.lets_light_through(inner.front) or context.lets_light_through(inner.back)
     if clear:
         message = f"{node} cannot contain a transmissive bsdf, which remains uncoated"
-        builder.diagnostics.warn(message, node.location)
+        context.diagnostics.warn(message, node.location)
     made: dict[MaterialId, MaterialId] = {}
-    return Slot(*(_coated(builder, node, values, side, made) for side in (inner.front, inner.back)))
+    return Slot(*(_coated(context, node, values, side, made) for side in (inner.front, inner.back)))
 
 
-def _rough_coating(builder: Builder, node: Node, values: dict[str, Any]) -> Slot:
-    return _coating(builder, node, {"alpha": 0.1, **values})
+def _rough_coating(context: Context, node: Node, values: Values) -> Slot:
+    return _coating(context, node, {"alpha": 0.1, **values})
 
 
 def _coated(
-    builder: Builder,
+    context: Context,
     node: Node,
-    values: dict[str, Any],
+    values: Values,
     material: MaterialId,
     made: dict[MaterialId, MaterialId],
 ) -> MaterialId:
     if material in made or material == BLACK:
         return made.get(material, BLACK)
     if isinstance(material, AdapterId):
-        entry = dict(builder.adapters[material.index])
+        entry = dict(context.entry("adapters", material.index))
         children = {name: entry.pop(name) for name in CHILDREN if name in entry}
         coated = {
             name: _coated(
-                builder,
+                context,
                 node,
                 values,
                 AdapterId(child["adapter"]) if isinstance(child, dict) else child,
@@ -186,15 +177,15 @@ def _coated(
             )
             for name, child in children.items()
         }
-        made[material] = builder.adapt(node, entry.pop("type"), entry, **coated)
+        made[material] = context.adapt(node, entry.pop("type"), entry, **coated)
         return made[material]
-    base = builder.bsdfs[material]
-    if builder.transmissive[material]:
+    base = context.entry("bsdfs", material)
+    if context.lets_light_through(material):
         return material
     if base["type"] == "coating":
-        builder.diagnostics.warn(f"{node} around another coating is ignored", node.location)
+        context.diagnostics.warn(f"{node} around another coating is ignored", node.location)
         return material
-    made[material] = builder.add_once("bsdfs", {"type": "coating", "base": base, **values}, node)
+    made[material] = context.add_once("bsdfs", {"type": "coating", "base": base, **values}, node)
     return made[material]
 
 

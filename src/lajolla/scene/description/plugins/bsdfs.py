@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
 
 from ...data.conductors import CONDUCTORS
-from ...schema import Content, Field, Plugin
+from ...schema import Field
 from ...syntax.errors import SceneError, did_you_mean
 from ...syntax.nodes import Node
-
-if TYPE_CHECKING:
-    from ..builder import Builder
+from ..plugin import Context, Entry, Plugin, Use, Values
 
 
-def _roughness(builder: Builder, node: Node, values: dict[str, Any]) -> None:
+def _roughness(context: Context, node: Node, values: Values) -> None:
     """Replaces `alpha`, or lajolla's `roughness` (its square root), by `alpha_u` and `alpha_v`."""
-    roughness = _squared(builder, node, values.pop("roughness", None))
+    roughness = _squared(context, node, values.pop("roughness", None))
     alpha = values.pop("alpha", roughness)
     if alpha is not None:
         values.setdefault("alpha_u", alpha)
         values.setdefault("alpha_v", alpha)
 
 
-def _squared(builder: Builder, node: Node, roughness: Content) -> float | None:
+def _squared(context: Context, node: Node, roughness: Use | float | None) -> float | None:
     if isinstance(roughness, dict):
-        builder.diagnostics.unknown(f'{node} takes no texture as "roughness"; use "alpha"', node.location)
+        context.diagnostics.unknown(f'{node} takes no texture as "roughness"; use "alpha"', node.location)
         return None
     if roughness is None:
         return None
@@ -35,17 +32,17 @@ def _squared(builder: Builder, node: Node, roughness: Content) -> float | None:
     return float(roughness) ** 2
 
 
-def _rough_dielectric(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    _roughness(builder, node, values)
+def _rough_dielectric(context: Context, node: Node, values: Values) -> Entry:
+    _roughness(context, node, values)
     return {"type": "roughdielectric", **values}
 
 
-def _ward(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    _roughness(builder, node, values)
+def _ward(context: Context, node: Node, values: Values) -> Entry:
+    _roughness(context, node, values)
     return {"type": "ward", **values}
 
 
-def _hair(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _hair(context: Context, node: Node, values: Values) -> Entry:
     pigments = {name: values.pop(name) for name in ("eumelanin", "pheomelanin") if name in values}
     color = values.pop("color", None)
     if bool(pigments) + (color is not None) + ("sigma_a" in values) > 1:
@@ -68,20 +65,20 @@ def absorption_of_hair(color: tuple[float, ...], roughness: float) -> tuple[floa
     return tuple((math.log(max(c, 1e-3)) / divisor) ** 2 for c in color)
 
 
-def _rough_diffuse(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _rough_diffuse(context: Context, node: Node, values: Values) -> Entry:
     if values.pop("use_fast_approx", False):
         values.setdefault("variant", "fast")
     return {"type": "roughdiffuse", **values}
 
 
-def _rough_plastic(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    alpha = _squared(builder, node, values.pop("roughness", None))
+def _rough_plastic(context: Context, node: Node, values: Values) -> Entry:
+    alpha = _squared(context, node, values.pop("roughness", None))
     if alpha is not None:
         values.setdefault("alpha", alpha)
     return {"type": "roughplastic", **values}
 
 
-def _conductor(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _conductor(context: Context, node: Node, values: Values) -> Entry:
     eta, k = _named_conductor(node, values.pop("material", "none"))
     ext_eta = values.pop("ext_eta", 1.0)
     if ext_eta <= 0:
@@ -90,13 +87,13 @@ def _conductor(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str
         values[name] = value if isinstance(value, dict) else tuple(v / ext_eta for v in value)
         if isinstance(value, dict) and ext_eta != 1:
             message = f'"{name}" of {node} is a texture, which is not divided by "ext_eta"'
-            builder.diagnostics.warn(message, node.property_location(name))
+            context.diagnostics.warn(message, node.property_location(name))
     return {"type": "conductor", **values}
 
 
-def _rough_conductor(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    _roughness(builder, node, values)
-    return _conductor(builder, node, values) | {"type": "roughconductor"}
+def _rough_conductor(context: Context, node: Node, values: Values) -> Entry:
+    _roughness(context, node, values)
+    return _conductor(context, node, values) | {"type": "roughconductor"}
 
 
 def _named_conductor(node: Node, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:

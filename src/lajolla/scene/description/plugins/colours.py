@@ -4,29 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ...schema import Content, Field, Plugin
+from ...schema import Field
 from ...syntax.errors import SceneError
 from ...syntax.literals import Text, checked_spectrum, parse_numbers
 from ...syntax.nodes import Blackbody, Node, Rgb, Spectrum
+from ..plugin import Constant, Context, Plugin, Use, Values
 
-if TYPE_CHECKING:
-    from ..builder import Builder
-
-Value = Content
 ONE = (1.0, 1.0, 1.0)
 
 
-def _uniform(builder: Builder, node: Node, values: dict[str, Any]) -> Value:
+def _uniform(context: Context, node: Node, values: Values) -> Constant:
     return Spectrum((_needed(node, values, "value"),))
 
 
-def _colour(name: str) -> Callable[[Builder, Node, dict[str, Any]], Value]:
-    return lambda builder, node, values: Rgb(_needed(node, values, name))
+def _colour(name: str) -> Callable[[Context, Node, Values], Constant]:
+    return lambda context, node, values: Rgb(_needed(node, values, name))
 
 
-def _d65(builder: Builder, node: Node, values: dict[str, Any]) -> Value:
+def _d65(context: Context, node: Node, values: Values) -> Use | Constant | None:
     nested = next((child for _, child in node.children("texture")), None)
     scale = values.get("scale", 1.0)
     if nested is None:
@@ -34,25 +31,25 @@ def _d65(builder: Builder, node: Node, values: dict[str, Any]) -> Value:
         return Rgb((red, green, blue))
     if scale != 1:
         raise SceneError(f"{node} cannot scale the texture inside it", node.location)
-    return builder.texture(nested)
+    return context.texture(nested)
 
 
-def _blackbody(builder: Builder, node: Node, values: dict[str, Any]) -> Value:
+def _blackbody(context: Context, node: Node, values: Values) -> Constant:
     return Blackbody(_needed(node, values, "temperature"), values.get("scale", 1.0))
 
 
-def _regular(builder: Builder, node: Node, values: dict[str, Any]) -> Value:
+def _regular(context: Context, node: Node, values: Values) -> Constant:
     samples = _numbers(node, "values")
     low, high = _needed(node, values, "wavelength_min"), _needed(node, values, "wavelength_max")
     step = (high - low) / max(1, len(samples) - 1)
     return checked_spectrum(tuple(low + step * i for i in range(len(samples))), samples, node.location)
 
 
-def _irregular(builder: Builder, node: Node, values: dict[str, Any]) -> Value:
+def _irregular(context: Context, node: Node, values: Values) -> Constant:
     return checked_spectrum(_numbers(node, "wavelengths"), _numbers(node, "values"), node.location)
 
 
-def _needed(node: Node, values: dict[str, Any], name: str) -> Content:
+def _needed(node: Node, values: Values, name: str) -> Any:  # noqa: ANN401
     if name not in values:
         raise SceneError(f'{node} needs "{name}"', node.location)
     return values[name]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from lajolla import _core
 
 from ...formats.curves import (
     Indices,
@@ -17,32 +18,30 @@ from ...formats.curves import (
     straightened,
     thinned,
 )
-from ...schema import CHILDREN, Field, Plugin
+from ...schema import CHILDREN, Field
 from ...syntax.errors import SceneError
 from ...syntax.nodes import Node
+from ..plugin import Context, Entry, Plugin, Values
 from .tessellate import tube_arrays
-
-if TYPE_CHECKING:
-    from ..builder import Builder
 
 NEEDED = {"linear": 2, "bspline": 4}  # control points of a segment
 
 
-def _curves(basis: str) -> Callable[[Builder, Node, dict[str, Any]], dict[str, Any]]:
-    def build(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _curves(basis: str) -> Callable[[Context, Node, Values], Entry]:
+    def build(context: Context, node: Node, values: Values) -> Entry:
         values.pop("filename", None)
-        points, first = _read(builder, node, lambda path: read_curves(path, 4))
+        points, first = _read(context, node, lambda path: read_curves(path, 4))
         if np.any(points[:, 3] < 0):
             raise SceneError("a radius is below zero", node.property_location("filename"))
-        return _entry(builder, node, basis, points, first, values)
+        return _entry(context, node, basis, points, first, values)
 
     return build
 
 
-def _hair(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _hair(context: Context, node: Node, values: Values) -> Entry:
     """Hair becomes cones between spheres; its radius is scaled as Mitsuba 0.6 does."""
     values.pop("filename", None)
-    points, first = _read(builder, node, read_hair)
+    points, first = _read(context, node, read_hair)
     reduction, radius = values.pop("reduction", 0.0), values.pop("radius", 0.025)
     if reduction >= 1:
         raise SceneError('"reduction" must be below 1', node.property_location("reduction"))
@@ -52,14 +51,14 @@ def _hair(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any
     radii = np.full((len(points), 1), radius / (1 - reduction) * scale, np.float32)
     alone = np.repeat(lengths(first, len(points)) == 1, lengths(first, len(points)))
     if np.any(alone):
-        builder.diagnostics.warn(f"{node} has {alone.sum()} hairs of one point: ignored", node.location)
-    return _entry(builder, node, "linear", np.hstack([points, radii]), first, values, allow_short=True)
+        context.diagnostics.warn(f"{node} has {alone.sum()} hairs of one point: ignored", node.location)
+    return _entry(context, node, "linear", np.hstack([points, radii]), first, values, allow_short=True)
 
 
 def _read(
-    builder: Builder, node: Node, read: Callable[..., tuple[Points, Indices]]
+    context: Context, node: Node, read: Callable[..., tuple[Points, Indices]]
 ) -> tuple[Points, Indices]:
-    path, location = builder.find(node)
+    path, location = context.find(node)
     try:
         return read(path)
     except (ValueError, OSError) as problem:
@@ -67,15 +66,15 @@ def _read(
 
 
 def _entry(
-    builder: Builder,
+    context: Context,
     node: Node,
     basis: str,
     points: Points,
     first: Indices,
-    values: dict[str, Any],
+    values: Values,
     *,
     allow_short: bool = False,
-) -> dict[str, Any]:
+) -> Entry:
     shortest = int(lengths(first, len(points)).min(initial=NEEDED[basis]))
     if shortest < NEEDED[basis] and not allow_short:
         message = f"a curve has {shortest} control points; it needs at least {NEEDED[basis]}"
@@ -83,12 +82,12 @@ def _entry(
     segments = segment_starts(first, len(points), NEEDED[basis])
     points = np.ascontiguousarray(points, np.float32)
     if any(emitter.plugin.lower() == "area" for _, emitter in node.children("emitter")):
-        builder.diagnostics.warn(f"{node} emits light: it is rendered as a mesh of tubes", node.location)
+        context.diagnostics.warn(f"{node} emits light: it is rendered as a mesh of tubes", node.location)
         placed = points.astype(float)
         matrix = np.asarray(values.get("to_world", np.eye(4)))
         placed[:, :3] = placed[:, :3] @ matrix[:3, :3].T + matrix[:3, 3]
-        return {"type": "mesh", "mesh": builder.core.Mesh(*tube_arrays(placed, segments, basis))}
-    return {"type": "curves", "curves": builder.core.Curves(points, segments), "basis": basis, **values}
+        return {"type": "mesh", "mesh": _core.Mesh(*tube_arrays(placed, segments, basis))}
+    return {"type": "curves", "curves": _core.Curves(points, segments), "basis": basis, **values}
 
 
 FILENAME = Field("filename", "string", "the curves: x, y, z, radius on a line; empty lines between curves")

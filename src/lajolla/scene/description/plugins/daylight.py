@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from dataclasses import fields
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lajolla import _core
 from lajolla.colour import luminance
 
 from ...data.sky import (
@@ -19,49 +19,47 @@ from ...data.sky import (
     sky_map,
     sun_angles,
 )
-from ...schema import Field, Plugin
+from ...schema import Field
 from ...syntax.errors import SceneError
 from ...syntax.nodes import Array, Node, Rgb, Vector
-
-if TYPE_CHECKING:
-    from ..builder import Builder
+from ..plugin import Context, Entry, Plugin, Values
 
 WIDEST = 8192  # sky; all together have as many pixels as one of these
-Entries = list[dict[str, Any]]
+Entries = list[Entry]
 
 # From an environment map's space, where +y is up, to that of a sky with +z up.
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-MOMENT = tuple(field.name for field in fields(Moment))
+MOMENT = tuple(field.name for field in dataclasses.fields(Moment))
 
 
-def _sky(builder: Builder, node: Node, values: dict[str, Any]) -> Entries:
-    to_world, sun = _place(builder, node, values)
-    return [] if sun is None else _sky_light(builder, node, values, to_world, sun, values.get("scale", 1.0))
+def _sky(context: Context, node: Node, values: Values) -> Entries:
+    to_world, sun = _place(context, node, values)
+    return [] if sun is None else _sky_light(context, node, values, to_world, sun, values.get("scale", 1.0))
 
 
-def _sun(builder: Builder, node: Node, values: dict[str, Any]) -> Entries:
-    to_world, sun = _place(builder, node, values)
+def _sun(context: Context, node: Node, values: Values) -> Entries:
+    to_world, sun = _place(context, node, values)
     return [] if sun is None else _sun_light(values, to_world, sun, values.get("scale", 1.0))
 
 
-def _sun_and_sky(builder: Builder, node: Node, values: dict[str, Any]) -> Entries:
-    to_world, sun = _place(builder, node, values)
+def _sun_and_sky(context: Context, node: Node, values: Values) -> Entries:
+    to_world, sun = _place(context, node, values)
     if sun is None:
         return []
-    scale = values.get("scale", 1.0)
+    scale: float = values.get("scale", 1.0)
     return [
-        *_sky_light(builder, node, values, to_world, sun, values.get("sky_scale", scale)),
+        *_sky_light(context, node, values, to_world, sun, values.get("sky_scale", scale)),
         *_sun_light(values, to_world, sun, values.get("sun_scale", scale)),
     ]
 
 
-def _place(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[Array, Array | None]:
+def _place(context: Context, node: Node, values: Values) -> tuple[Array, Array | None]:
     """The transform from the map's space to the world, and the map's direction of the sun; None at night."""
     z_up = values.get("up", "z") == "z"
     to_world = values.get("to_world", np.eye(4)) @ (Z_UP if z_up else np.eye(4))
     if "sun_direction" in values:
         if any(name in values for name in MOMENT):
-            builder.diagnostics.warn(
+            context.diagnostics.warn(
                 '"sun_direction" and a time are both given; the direction is used',
                 node.property_location("sun_direction"),
             )
@@ -76,20 +74,20 @@ def _place(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[Array,
         around = math.cos(azimuth) * north + math.sin(azimuth) * east
         sun = math.sin(zenith) * around + np.array([0, math.cos(zenith), 0])
     if sun[1] < 0:
-        builder.diagnostics.warn("the sun is below the horizon, and emits no light", node.location)
+        context.diagnostics.warn("the sun is below the horizon, and emits no light", node.location)
         return to_world, None
     return to_world, sun
 
 
 def _sky_light(
-    builder: Builder, node: Node, values: dict[str, Any], to_world: Array, sun: Array, scale: float
+    context: Context, node: Node, values: Values, to_world: Array, sun: Array, scale: float
 ) -> Entries:
     if scale == 0:
         return []
     width = values.get("resolution", 512)
-    builder.sky_pixels += width * map_height(width)
+    context.sky_pixels += width * map_height(width)
     most = WIDEST * map_height(WIDEST)
-    if builder.sky_pixels > most:
+    if context.sky_pixels > most:
         raise SceneError(f"the sky images of the scene have more than {most:,} pixels", node.location)
     pixels, end = sky_map(
         sun,
@@ -99,11 +97,11 @@ def _sky_light(
         stretch=values.get("stretch", 1.0),
         extend=values.get("extend", False),
     )
-    image = builder.core.Image(pixels, srgb=False)
+    image = _core.Image(pixels, srgb=False)
     return [{"type": "envmap", "image": image, "theta_max": end, "scale": scale, "to_world": to_world}]
 
 
-def _sun_light(values: dict[str, Any], to_world: Array, sun: Array, scale: float) -> Entries:
+def _sun_light(values: Values, to_world: Array, sun: Array, scale: float) -> Entries:
     """The sun as a light with the irradiance of the real sun, independent of the size of its disk."""
     model = preetham_sun if values.get("sun_model") == "preetham" else hosek_sun
     elevation, turbidity = math.asin(min(1.0, float(sun[1]))), values.get("turbidity", 3.0)
@@ -132,37 +130,41 @@ def _sun_light(values: dict[str, Any], to_world: Array, sun: Array, scale: float
     ]
 
 
-def for_mitsuba3(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any] | None:
+def for_mitsuba3(context: Context, node: Node, values: Values) -> Entry | None:
     """The properties of the equivalent `sunsky` of Mitsuba 3; None at night."""
-    to_world, sun = _place(builder, node, values)
+    to_world, sun = _place(context, node, values)
     if sun is None:
         return None
-    turbidity, scale, elevation = values.get("turbidity", 3.0), values.get("scale", 1.0), math.asin(sun[1])
-    sun_scale, sky_scale = (values.get(name, scale) for name in ("sun_scale", "sky_scale"))
+    scale: float = values.get("scale", 1.0)
+    sun_scale: float = values.get("sun_scale", scale)
+    turbidity, elevation = values.get("turbidity", 3.0), math.asin(sun[1])
     if values.get("sun_model") == "preetham":
         old, new = (model(elevation, turbidity) for model in (preetham_sun, hosek_sun))
         as_bright = float(luminance(old)[0] / max(luminance(new)[0], 1e-30))
         sun_scale *= as_bright
         if sun_scale > 0 and node.plugin != "sky":
-            red, green, blue = (f"{v:+.0%}" for v in as_bright * new / np.maximum(old, 1e-30) - 1)
-            builder.diagnostics.warn(
+            changes = (f"{v:+.0%}" for v in as_bright * new / np.maximum(old, 1e-30) - 1)
+            more_red, more_green, more_blue = changes
+            context.diagnostics.warn(
                 f"Mitsuba 3 uses another model of the sun, scaled to the same luminance: "
-                f"red {red}, green {green}, blue {blue}",
+                f"red {more_red}, green {more_green}, blue {more_blue}",
                 node.location,
             )
+    x, y, z = (to_world[:3, :3] @ sun).tolist()
+    red, green, blue = values.get("albedo", (0.3,) * 3)
     return {
         "to_world": to_world @ np.linalg.inv(Z_UP),
-        "sun_direction": Vector(tuple(float(v) for v in to_world[:3, :3] @ sun)),
+        "sun_direction": Vector((x, y, z)),
         "turbidity": turbidity,
-        "albedo": Rgb(tuple(values.get("albedo", (0.3,) * 3))),
+        "albedo": Rgb((red, green, blue)),
         "sun_scale": 0.0 if node.plugin == "sky" else sun_scale,
-        "sky_scale": 0.0 if node.plugin == "sun" else sky_scale,
+        "sky_scale": 0.0 if node.plugin == "sun" else values.get("sky_scale", scale),
         "sun_aperture": min(max(_diameter(values), 0.01), 179.0),
     }
 
 
-def _diameter(values: dict[str, Any]) -> float:
-    return values.get("sun_aperture", SUN_DIAMETER) * values.get("sun_radius_scale", 1.0)
+def _diameter(values: Values) -> float:
+    return float(values.get("sun_aperture", SUN_DIAMETER) * values.get("sun_radius_scale", 1.0))
 
 
 COMMON = (

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from ...schema import Field, Plugin
+from ...schema import Field
 from ...syntax.errors import SceneError
 from ...syntax.nodes import Node
-
-if TYPE_CHECKING:
-    from ..builder import Builder
+from ..plugin import Context, Entry, Plugin, Values
 
 
-def _principled(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _principled(context: Context, node: Node, values: Values) -> Entry:
     """Converts `specular` to `eta`: reflectance at normal incidence = 0.08 * specular."""
     specular = values.pop("specular", None)
     if specular is not None:
@@ -26,7 +22,7 @@ def _principled(builder: Builder, node: Node, values: dict[str, Any]) -> dict[st
     return {"type": "principled", **values}
 
 
-def _indices(node: Node, values: dict[str, Any]) -> None:
+def _indices(node: Node, values: Values) -> None:
     """Replaces the indices of refraction on both sides by `eta`, the relative one."""
     inside, outside = values.pop("int_ior", None), values.pop("ext_ior", None)
     if inside is None and outside is None:
@@ -38,12 +34,12 @@ def _indices(node: Node, values: dict[str, Any]) -> None:
     values.setdefault("eta", inside / outside)
 
 
-def _disney_glass(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _disney_glass(context: Context, node: Node, values: Values) -> Entry:
     _indices(node, values)
     return {"type": "disneyglass", **values}
 
 
-def _disney_bsdf(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _disney_bsdf(context: Context, node: Node, values: Values) -> Entry:
     _indices(node, values)
     for other, name in OTHER_NAMES.items():
         value = values.pop(other, None)

@@ -3,63 +3,64 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lajolla import _core
+
 from ...formats.images import FLOAT_RGB, is_integer_file, read_pixels
-from ...schema import Field, Plugin
+from ...schema import Field
 from ...syntax.nodes import Node
+from ..plugin import Context, Entry, Plugin, Values
 from .lenses import LENS, field_of_view, width_per_axis
 from .textures import decode
 
-if TYPE_CHECKING:
-    from ..builder import Builder
 
-
-def _envmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _envmap(context: Context, node: Node, values: Values) -> Entry:
     values.pop("filename", None)
-    path, location = builder.find(node)
+    path, location = context.find(node)
     key = ("envmap", path.resolve())
-    if key not in builder.files:
-        pixels = read_pixels(path, location, builder.pictures, pixel=FLOAT_RGB)
-        pixels = decode(pixels) if is_integer_file(path) else pixels.astype(np.float32)
-        if not np.all(np.isfinite(pixels)) or np.any(pixels < 0):
-            builder.diagnostics.warn(
+
+    def read() -> _core.Image:
+        pixels = read_pixels(path, location, context.pictures, pixel=FLOAT_RGB)
+        linear = np.asarray(decode(pixels) if is_integer_file(path) else pixels, np.float32)
+        if not np.all(np.isfinite(linear)) or np.any(linear < 0):
+            context.diagnostics.warn(
                 f'"{path.name}" has pixels that are negative or not finite; they are black', location
             )
-            pixels = np.where(np.isfinite(pixels) & (pixels >= 0), pixels, 0).astype(np.float32)
-        rgb = np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3)))
-        builder.files[key] = builder.core.Image(rgb, srgb=False)
-    return {"type": "envmap", "image": builder.files[key], **values}
+            linear = np.where(np.isfinite(linear) & (linear >= 0), linear, 0).astype(np.float32)
+        rgb = np.ascontiguousarray(np.broadcast_to(linear, (*linear.shape[:2], 3)))
+        return _core.Image(rgb, srgb=False)
+
+    return {"type": "envmap", "image": context.once(key, read), **values}
 
 
-def _point(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _point(context: Context, node: Node, values: Values) -> Entry:
     to_world = values.pop("to_world", None)
     if to_world is not None:
         values.setdefault("position", tuple(float(v) for v in to_world[:3, 3]))
     return {"type": "point", **values}
 
 
-def _directional(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _directional(context: Context, node: Node, values: Values) -> Entry:
     to_world = values.pop("to_world", None)
     if to_world is not None:
         values.setdefault("direction", tuple(float(v) for v in to_world[:3, 2]))
     return {"type": "directional", **values}
 
 
-def _spot(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _spot(context: Context, node: Node, values: Values) -> Entry:
     values.setdefault("cutoff_angle", 20.0)
     values.setdefault("beam_width", 0.75 * values["cutoff_angle"])
     return {"type": "spot", **values}
 
 
-def _projector(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _projector(context: Context, node: Node, values: Values) -> Entry:
     """Computes the field of view along x from the picture's aspect ratio."""
     picture = values.get("irradiance")
-    entry = builder.textures[picture["texture"]] if isinstance(picture, dict) else {}
+    entry = context.entry("textures", picture["texture"]) if isinstance(picture, dict) else {}
     if entry.get("type") == "clamped":
-        entry = builder.textures[entry["texture"]["texture"]]
+        entry = context.entry("textures", entry["texture"]["texture"])
     image = entry.get("image")
     values["aspect"] = image.width / image.height if image is not None else 1.0
     lens = field_of_view(node, values)
@@ -68,9 +69,9 @@ def _projector(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str
     return {"type": "projector", **lens, "fov": math.degrees(2 * math.atan(half_width))}
 
 
-def _collimated(builder: Builder, node: Node, values: dict[str, Any]) -> None:
+def _collimated(context: Context, node: Node, values: Values) -> None:
     """Ignored: the beam has zero width, so that paths from the camera cannot hit it."""
-    builder.diagnostics.unknown(
+    context.diagnostics.unknown(
         f"{node} is a beam of zero width, which no path can hit; it is ignored", node.location
     )
 

@@ -3,33 +3,20 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, Film
 
-from ...schema import CHILDREN, Field, Plugin
+from ...schema import CHILDREN, Field
 from ...syntax.errors import SceneError, did_you_mean
 from ...syntax.nodes import Node
-
-if TYPE_CHECKING:
-    from ..builder import Builder
+from ..outputs import Layer
+from ..plugin import Context, FilmPart, Plugin, Values
 
 PIXELS = "pixels"
 
 
-@dataclass(frozen=True)
-class Layer:
-    """Settings of Mitsuba 0.6's film for one integrator inside `multichannel`."""
-
-    name: str
-    film: Film
-
-
-def _film(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    plugin = builder.plugin(node)
-    assert plugin is not None
-    defaults = {field.name: field.default for field in plugin.fields}
+def _film(context: Context, node: Node, values: Values) -> FilmPart:
+    defaults = {field.name: field.default for field in context.declared("film", node.plugin)}
     for side, offset, crop in (
         ("width", "crop_offset_x", "crop_width"),
         ("height", "crop_offset_y", "crop_height"),
@@ -51,26 +38,24 @@ def _film(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any
     if not re.fullmatch(r"[A-Za-z]\w*", settings.get("variable", "data"), re.ASCII):
         raise SceneError('"variable" must be a name', node.property_location("variable"))
     films = [
-        Film(**settings, pixel_format=_pixel_format(builder, node, settings["file_format"], word))
+        Film(**settings, pixel_format=_pixel_format(context, node, settings["file_format"], word))
         for word in _words(formats.lower()) or [defaults["pixel_format"]]
     ]
-    builder.film = films[0]
-    builder.layers = _layers(node, films, _words(names))
-    return values
+    return FilmPart(values, films[0], _layers(node, films, _words(names)))
 
 
 def _words(text: str) -> list[str]:
     return [word for word in re.split(r"[,\s]+", text) if word]
 
 
-def _layers(node: Node, films: list[Film], names: list[str]) -> list[Layer]:
+def _layers(node: Node, films: list[Film], names: list[str]) -> tuple[Layer, ...]:
     """One per pixel format with a name; a single format does not need one."""
     if len(films) != len(names) and (names or len(films) > 1):
         raise SceneError(
             f"the number of pixel formats, {len(films)}, is not that of channel names, {len(names)}",
             node.property_location("channel_names" if names else "pixel_format"),
         )
-    return [Layer(name, film) for name, film in zip(names, films, strict=False)]
+    return tuple(Layer(name, film) for name, film in zip(names, films, strict=False))
 
 
 # Formats of spectral builds, and the spelling of Mitsuba 0.6.
@@ -79,18 +64,18 @@ OTHER_NAMES = {"luminancealpha": "luminance_alpha", "spectrum": "rgb", "spectrum
 HOLDS = {"rgbe": ("rgb",), "pfm": ("rgb", "luminance"), "jpeg": ("rgb", "luminance")}
 
 
-def _pixel_format(builder: Builder, node: Node, file_format: str, word: str) -> str:
+def _pixel_format(context: Context, node: Node, file_format: str, word: str) -> str:
     place = node.property_location("pixel_format")
     name = OTHER_NAMES.get(word, word)
     if word.startswith("spectrum"):
-        builder.diagnostics.warn(f'spectral output is not supported; "{name}" is used', place)
+        context.diagnostics.warn(f'spectral output is not supported; "{name}" is used', place)
     if name not in PIXEL_FORMATS:
         raise SceneError(f'unknown pixel format "{word}"{did_you_mean(word, PIXEL_FORMATS)}', place)
     holds = HOLDS.get(file_format, tuple(PIXEL_FORMATS))
     if name in holds:
         return name
     used = "luminance" if name == "luminance_alpha" and "luminance" in holds else "rgb"
-    builder.diagnostics.warn(f'{file_format} files cannot hold "{name}"; "{used}" is used', place)
+    context.diagnostics.warn(f'{file_format} files cannot hold "{name}"; "{used}" is used', place)
     return used
 
 

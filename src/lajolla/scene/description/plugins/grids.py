@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 
+from lajolla import _core
 from lajolla.colour import luminance
 
 from ...formats.images import is_integer_file, read_pixels
-from ...schema import CHILDREN, Field, Plugin
+from ...schema import CHILDREN, Field
 from ...syntax.errors import SceneError
 from ...syntax.nodes import Array, Node
+from ..plugin import Context, Entry, Plugin, Values
 from .tessellate import height_arrays
 from .textures import decode
 from .volumes import load_voxels
 
-if TYPE_CHECKING:
-    from ..builder import Builder
-
 CELL = 24  # bytes of two triangles, which a pixel becomes
 
 
-def _heightfield(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _heightfield(context: Context, node: Node, values: Values) -> Entry:
     """A mesh over [-1, 1]^2 with a vertex at every pixel; the first row of the picture is at y = -1."""
     values.pop("filename", None)
     texture = next((child for _, child in node.children("texture")), None)
     if texture is not None and texture.plugin.lower() != "bitmap":
         raise SceneError(f'{node} takes its heights from a "bitmap" only', texture.location)
-    heights = _heights(builder, texture or node) * values.pop("scale", 1.0)
+    heights = _heights(context, texture or node) * values.pop("scale", 1.0)
     if not np.all(np.isfinite(heights)):
         raise SceneError(f"{node} has heights that are not finite", node.location)
     smooth = values.pop("shading_normals", True)
@@ -36,28 +33,28 @@ def _heightfield(builder: Builder, node: Node, values: dict[str, Any]) -> dict[s
         values.pop(hint, None)
     return {
         "type": "mesh",
-        "mesh": builder.core.Mesh(*height_arrays(heights)),
+        "mesh": _core.Mesh(*height_arrays(heights)),
         "face_normals": not smooth,
         **values,
     }
 
 
-def _heights(builder: Builder, owner: Node) -> Array:
-    path, location = builder.find(owner)
+def _heights(context: Context, owner: Node) -> Array:
+    path, location = context.find(owner)
     raw = owner.find("raw")
-    pixels = read_pixels(path, location, builder.pictures, pixel=CELL)
+    pixels = read_pixels(path, location, context.pictures, pixel=CELL)
     if is_integer_file(path) and not (raw and raw.value is True):
         pixels = decode(pixels)
     elif pixels.dtype == np.uint8:
-        pixels = pixels / 255
+        pixels = np.asarray(pixels, float) / 255
     heights = np.asarray(pixels, float)
     heights = luminance(heights)[..., 0] if heights.shape[2] == 3 else heights[..., 0]
     repeats = [2 if size == 1 else 1 for size in heights.shape]  # at least two samples each way
     return np.repeat(np.repeat(heights, repeats[0], 0), repeats[1], 1)
 
 
-def _sdf_grid(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    voxels, location = load_voxels(builder, node, values)
+def _sdf_grid(context: Context, node: Node, values: Values) -> Entry:
+    voxels, location = load_voxels(context, node, values)
     values.pop("use_grid_bbox", None)
     if voxels.values.shape[3] != 1:
         raise SceneError(f"{node} needs a grid of one channel", location)
@@ -65,7 +62,7 @@ def _sdf_grid(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str,
         raise SceneError(f"{node} needs two values along each axis at least", location)
     if not np.all(np.isfinite(np.asarray(voxels.values, np.float32))):
         raise SceneError(f"{node} has values that are not finite", location)
-    return {"type": "sdfgrid", "grid": builder.core.Grid(np.ascontiguousarray(voxels.values)), **values}
+    return {"type": "sdfgrid", "grid": _core.Grid(np.ascontiguousarray(voxels.values)), **values}
 
 
 HEIGHTS = (

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
 
-from ...schema import Field, Plugin
+from ...schema import Field
 from ...syntax.errors import SceneError, did_you_mean
 from ...syntax.nodes import Node
 from ..outputs import Channel, Picture, colours
-
-if TYPE_CHECKING:
-    from ..builder import Builder
+from ..plugin import Context, Entry, Plugin, Values
 
 # The letters of the channels of each variable, which are those of Mitsuba 3 where it has the variable.
 VARIABLES = {
@@ -36,7 +33,7 @@ VARIABLES = {
 }
 
 
-def _direct(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _direct(context: Context, node: Node, values: Values) -> Entry:
     both = values.pop("shading_samples", None)
     if both is not None:
         other = node.find("emitter_samples") or node.find("bsdf_samples")
@@ -46,26 +43,26 @@ def _direct(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
     return {"type": "direct", **values}
 
 
-def _volpath(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _volpath(context: Context, node: Node, values: Values) -> Entry:
     return {"type": "volpath", **values}
 
 
-def _parts(builder: Builder, node: Node) -> Iterator[tuple[str, Picture]]:
+def _parts(context: Context, node: Node) -> Iterator[tuple[str, Picture]]:
     """The integrators inside, with their names: those without are numbered as in Mitsuba 3."""
     unnamed = 0
     for prop, child in node.children("integrator"):
         name = prop.name
         if not name:
             name, unnamed = f"_arg_{unnamed}", unnamed + 1
-        yield name, builder.picture(child)
+        yield name, context.picture(child)
 
 
-def _aov(builder: Builder, node: Node, values: dict[str, Any]) -> Picture:
+def _aov(context: Context, node: Node, values: Values) -> Picture:
     """Mitsuba 3's; where the film has no alpha channel, those of the integrators inside are 1."""
     channels: list[Channel] = []
     entries = []
-    alpha = "alpha" if builder.film.has_alpha else "one"
-    for name, part in _parts(builder, node):
+    alpha = "alpha" if context.film.has_alpha else "one"
+    for name, part in _parts(context, node):
         entries.append(part.entry)
         channels += [*colours(name, part.entry), Channel(f"{name}.A", part.entry, alpha)]
         channels += [channel.within(name) for channel in part.channels]
@@ -96,11 +93,11 @@ def _variables(node: Node) -> Iterator[tuple[str, str]]:
         yield name, variable
 
 
-def _moment(builder: Builder, node: Node, values: dict[str, Any]) -> Picture:
+def _moment(context: Context, node: Node, values: Values) -> Picture:
     """Mitsuba 3's: mean X, Y and Z of each integrator, then the means of the squares of all channels."""
     channels: list[Channel] = []
     entries = []
-    for name, part in _parts(builder, node):
+    for name, part in _parts(context, node):
         entries.append(part.entry)
         channels += [channel.within(name) for channel in part.channels]
         channels += colours(name, part.entry, "xyz")
@@ -110,13 +107,13 @@ def _moment(builder: Builder, node: Node, values: dict[str, Any]) -> Picture:
     return Picture(entries[0], (*channels, *squares))
 
 
-def _multichannel(builder: Builder, node: Node, values: dict[str, Any]) -> Picture:
+def _multichannel(context: Context, node: Node, values: Values) -> Picture:
     """Mitsuba 0.6's: each integrator in the pixel format, and with the name, that the film has for it."""
     channels: list[Channel] = []
     entries = []
-    for index, (name, part) in enumerate(_parts(builder, node)):
+    for index, (name, part) in enumerate(_parts(context, node)):
         entries.append(part.entry)
-        given = builder.layers[index] if index < len(builder.layers) else None
+        given = context.layers[index] if index < len(context.layers) else None
         names = "RGB" if given is None else given.film.names
         prefix = name if given is None else given.name
         channels += [_component(prefix, part.entry, letter) for letter in names]
@@ -126,7 +123,7 @@ def _multichannel(builder: Builder, node: Node, values: dict[str, Any]) -> Pictu
     return Picture(entries[0], tuple(channels))
 
 
-def _component(name: str, entry: dict[str, Any], letter: str) -> Channel:
+def _component(name: str, entry: Entry, letter: str) -> Channel:
     label = f"{name}.{letter}"
     if letter == "A":
         return Channel(label, entry, "alpha")
@@ -134,8 +131,8 @@ def _component(name: str, entry: dict[str, Any], letter: str) -> Channel:
     return Channel(label, entry, recorded, "RGB".find(letter) if letter in "RGB" else "XYZ".find(letter))
 
 
-def _view(variable: str) -> Any:  # noqa: ANN401
-    return lambda builder, node, values: {"type": "field", "field": variable}
+def _view(variable: str) -> Callable[[Context, Node, Values], Entry]:
+    return lambda context, node, values: {"type": "field", "field": variable}
 
 
 VIEWS = (

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from ...schema import Field
 from ...syntax.errors import Location, SceneError
 from ...syntax.literals import Text, parse_float
 from ...syntax.nodes import Node
+from ..plugin import Entry, Values
 
 FILM_DIAGONAL = math.hypot(36, 24)  # mm, of the 35 mm film that focal lengths refer to
 
 
-def field_of_view(node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def field_of_view(node: Node, values: Values) -> Entry:
     """The values with "fov", if need be from the focal length."""
     focal_length = node.find("focal_length")
     values.pop("focal_length", None)

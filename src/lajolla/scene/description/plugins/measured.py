@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 import numpy.typing as npt
+
+from lajolla import _core
 
 from ...data.cie import WAVELENGTHS
 from ...data.spectra import integrate
 from ...formats.tensors import TensorError, read_tensors
-from ...schema import Field, Plugin
+from ...schema import Field
 from ...syntax.errors import SceneError
 from ...syntax.nodes import Node
-
-if TYPE_CHECKING:
-    from ..builder import Builder
+from ..plugin import Context, Entry, Plugin, Values
 
 # What each tensor has one size for.
 SHAPES = {
@@ -31,20 +29,22 @@ SPECTRAL = {"spectra": "phi theta channel y x", "wavelengths": "channel"}
 MOST_WAVELENGTHS = 1024  # the RGL measures 195
 
 
-def _measured(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _measured(context: Context, node: Node, values: Values) -> Entry:
     values.pop("filename", None)
-    path, location = builder.find(node)
+    path, location = context.find(node)
     key = ("measured", path.resolve())
-    if key not in builder.files:
+
+    def read() -> _core.Measurement:
         try:
-            builder.files[key] = builder.core.Measurement(**measurement(read_tensors(path)))
+            return _core.Measurement(**measurement(read_tensors(path)))
         except (TensorError, ValueError, MemoryError) as problem:
             reason = str(problem) or "it does not fit into memory"
             raise SceneError(f'"{path}" cannot be used as a measured material: {reason}', location) from None
-    return {"type": "measured", "measurement": builder.files[key], **values}
+
+    return {"type": "measured", "measurement": context.once(key, read), **values}
 
 
-def measurement(tensors: dict[str, npt.NDArray[np.generic]]) -> dict[str, Any]:
+def measurement(tensors: dict[str, npt.NDArray[np.generic]]) -> Entry:
     """What the core's Measurement takes, from the tensors of a file; spectra become linear sRGB.
 
     Raises:

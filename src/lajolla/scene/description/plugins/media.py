@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 
+from lajolla import _core
+
 from ...data.materials import MATERIALS
-from ...schema import Field, Plugin
+from ...schema import Field
 from ...syntax.errors import SceneError, did_you_mean
 from ...syntax.nodes import Node
+from ..plugin import Context, Entry, Plugin, Values
 from .volumes import placement_of
-
-if TYPE_CHECKING:
-    from ..builder import Builder
 
 Rgb = tuple[float, ...]
 
 
-def _homogeneous(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _homogeneous(context: Context, node: Node, values: Values) -> Entry:
     """Homogeneous unless the albedo or the particles' area varies in space."""
     if values.keys() & {"sigma_a", "sigma_s"} and values.keys() & {"sigma_t", "albedo"}:
         message = f'{node} takes "sigma_a" and "sigma_s", or "sigma_t" and "albedo", not both'
@@ -30,7 +28,7 @@ def _homogeneous(builder: Builder, node: Node, values: dict[str, Any]) -> dict[s
     scale, material = values.pop("scale", 1.0), values.pop("material", "")
     volume = values.pop("albedo") if isinstance(values.get("albedo"), dict) else None
     sigma_a, sigma_s = _coefficients(node, values, material)
-    if volume is None and not _varies(builder, values.get("phase", -1)):
+    if volume is None and not _varies(context, values.get("phase", -1)):
         sigma_a, sigma_s = (tuple(scale * v for v in sigma) for sigma in (sigma_a, sigma_s))
         return {"type": "homogeneous", "sigma_a": sigma_a, "sigma_s": sigma_s, **values}
     sigma_t, albedo = _extinction(sigma_a, sigma_s)
@@ -38,7 +36,7 @@ def _homogeneous(builder: Builder, node: Node, values: dict[str, Any]) -> dict[s
     return {"type": "heterogeneous", "sigma_t": sigma_t, "albedo": albedo, "scale": scale, **values}
 
 
-def _coefficients(node: Node, values: dict[str, Any], material: str) -> tuple[Rgb, Rgb]:
+def _coefficients(node: Node, values: Values, material: str) -> tuple[Rgb, Rgb]:
     """Absorption and scattering: as given, by extinction and albedo, or what a material has."""
     given = {name: values.pop(name) for name in ("sigma_a", "sigma_s", "sigma_t", "albedo") if name in values}
     direct = "sigma_a" in given or "sigma_s" in given
@@ -70,61 +68,61 @@ def _named_material(node: Node, name: str) -> tuple[Rgb, Rgb]:
     return by_lower[name.lower()]
 
 
-def _varies(builder: Builder, phase: int) -> bool:
+def _varies(context: Context, phase: int) -> bool:
     """Whether the area of a phase function's particles varies in space."""
     if phase < 0:
         return False
-    entry = builder.phases[phase]
+    entry = context.entry("phases", phase)
     if entry["type"] == "blendphase":
-        parts = [builder.phases[i] for i in (entry["phase_0"], entry["phase_1"]) if i >= 0]
+        parts = [context.entry("phases", i) for i in (entry["phase_0"], entry["phase_1"]) if i >= 0]
         if isinstance(entry.get("weight"), dict) and any(part["type"] == "sggx" for part in parts):
             return True
-        return any(_varies(builder, entry[name]) for name in ("phase_0", "phase_1"))
+        return any(_varies(context, entry[name]) for name in ("phase_0", "phase_1"))
     return entry["type"] == "sggx" and isinstance(entry.get("S"), dict)
 
 
-def _heterogeneous(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _heterogeneous(context: Context, node: Node, values: Values) -> Entry:
     density = values.pop("density", None)
     if density is not None:
         if "sigma_t" in values:
             raise SceneError(f'{node} takes "sigma_t" or "density", not both', node.location)
         values["sigma_t"] = density
     extinction = values.get("sigma_t", (1.0, 1.0, 1.0))
-    if not isinstance(extinction, dict) and node.version >= (2, 0, 0):
-        values["sigma_t"] = _boxed(builder, node, extinction)
+    if not isinstance(extinction, dict) and node.unsaid.bounded:
+        values["sigma_t"] = _boxed(context, node, extinction)
     return {"type": "heterogeneous", **values}
 
 
-def _boxed(builder: Builder, medium: Node, extinction: Rgb) -> dict[str, int]:
+def _boxed(context: Context, medium: Node, extinction: Rgb) -> dict[str, int]:
     """A constant extinction as a volume: since version 2, it has a box as a grid does, and ends there."""
     prop = medium.find("sigma_t") or medium.find("density")
     volume = prop.value if prop and isinstance(prop.value, Node) else None
-    grid = builder.core.Grid(np.array(extinction, np.float32).reshape(1, 1, 1, 3))
-    entry = {"type": "gridvolume", "grid": grid, "to_world": placement_of(builder, volume)}
-    return {"volume": builder.add("volumes", entry, volume or medium)}
+    grid = _core.Grid(np.array(extinction, np.float32).reshape(1, 1, 1, 3))
+    entry = {"type": "gridvolume", "grid": grid, "to_world": placement_of(context, volume)}
+    return {"volume": context.add("volumes", entry, volume or medium)}
 
 
-def _hg(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _hg(context: Context, node: Node, values: Values) -> Entry:
     if isinstance(values.get("g"), dict):
-        builder.report_texture(node, "g")
+        context.report_texture(node, "g")
         del values["g"]
     return {"type": "hg", **values}
 
 
-def _blend(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _blend(context: Context, node: Node, values: Values) -> Entry:
     if "phase_0" not in values or "phase_1" not in values:
         raise SceneError(f"{node} needs two phase functions inside", node.location)
-    if sum(_count_parts(builder, values[name]) for name in ("phase_0", "phase_1")) > MAX_PARTS:
+    if sum(_count_parts(context, values[name]) for name in ("phase_0", "phase_1")) > MAX_PARTS:
         raise SceneError(f"{node} mixes more than four phase functions", node.location)
     return {"type": "blendphase", **values}
 
 
-def _count_parts(builder: Builder, phase: int) -> int:
+def _count_parts(context: Context, phase: int) -> int:
     """The number of phase functions in a mixture."""
-    entry = builder.phases[phase] if phase >= 0 else {"type": "isotropic"}
+    entry: Entry = context.entry("phases", phase) if phase >= 0 else {"type": "isotropic"}
     if entry["type"] != "blendphase":
         return 1
-    return sum(_count_parts(builder, entry[name]) for name in ("phase_0", "phase_1"))
+    return sum(_count_parts(context, entry[name]) for name in ("phase_0", "phase_1"))
 
 
 def _coefficient(name: str, doc: str) -> Field:

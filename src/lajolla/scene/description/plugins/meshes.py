@@ -4,68 +4,62 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from lajolla import _core
+
 from ...formats.mtl import materials_of
-from ...schema import CHILDREN, Content, Field, Part, Plugin
+from ...schema import CHILDREN, Field
 from ...syntax.errors import Location, SceneError
+from ...syntax.names import snake_case
 from ...syntax.nodes import Array, Node
-from ...versions.upgrade import snake_case
+from ..plugin import Context, Entry, Part, Plugin, Values
 
-if TYPE_CHECKING:
-    from ..builder import Builder
-
-Entry = dict[str, Any]
+Mesh = _core.Mesh
 LOADING = ("flip_tex_coords", "max_smooth_angle", "shape_index", "srgb")
 
 
-def _file_shape(loader: str) -> Callable[[Builder, Node, Entry], Entry | list[Part]]:
+def _file_shape(loader: str) -> Callable[[Context, Node, Values], Entry | list[Part]]:
     """A builder for meshes that the core reads by `_core.<loader>(path, ...)`."""
 
-    def build(builder: Builder, node: Node, values: Entry) -> Entry | list[Part]:
+    def build(context: Context, node: Node, values: Values) -> Entry | list[Part]:
         values.pop("filename", None)
         collapse, load_materials = values.pop("collapse", False), values.pop("load_materials", False)
         options = {k: values.pop(k) for k in LOADING if k in values}
         options.setdefault("flip_tex_coords", loader == "load_obj")
-        path, location = builder.find(node)
+        path, location = context.find(node)
         key = (loader, path.resolve(), *sorted(options.items()))
-        mesh = _cached(builder, key, lambda: _load(builder, loader, path, options, location))
+        mesh = context.once(key, lambda: _load(context, loader, path, options, location))
         if mesh.face_normals:
             values["face_normals"] = True
-        key, mesh = _with_normals(builder, key, mesh, values)
-        parts = [] if collapse else _parts(builder, node, mesh, path, load_materials=load_materials)
+        key, mesh = _with_normals(context, key, mesh, values)
+        parts = [] if collapse else _parts(context, node, mesh, path, load_materials=load_materials)
         if not parts:
             return {"type": "mesh", "mesh": mesh, **values}
         return [
-            Part({"type": "mesh", "mesh": _part(builder, key, mesh, first, count), **values}, bsdf)
+            Part({"type": "mesh", "mesh": _part(context, key, mesh, first, count), **values}, bsdf)
             for first, count, bsdf in parts
         ]
 
     return build
 
 
-def _cached(builder: Builder, key: tuple[Any, ...], make: Callable[[], Content]) -> Content:
-    if key not in builder.files:
-        builder.files[key] = make()
-    return builder.files[key]
-
-
-def _load(builder: Builder, loader: str, path: Path, options: Entry, location: Location) -> Content:
-    load = getattr(builder.core, loader)
+def _load(context: Context, loader: str, path: Path, options: Values, location: Location) -> Mesh:
+    load = getattr(_core, loader)
     index = [options["shape_index"]] if "shape_index" in options else []
     encoding = {"srgb_colors": options["srgb"]} if "srgb" in options else {}
     try:
-        mesh = load(str(path), *index, flip_uvs=options["flip_tex_coords"], **encoding)
-    except builder.core.MeshError as problem:
+        mesh: Mesh = load(str(path), *index, flip_uvs=options["flip_tex_coords"], **encoding)
+    except _core.MeshError as problem:
         raise SceneError(f'"{path}": {problem}', location) from None
     return mesh.with_smooth_normals(options["max_smooth_angle"]) if "max_smooth_angle" in options else mesh
 
 
 def _with_normals(
-    builder: Builder, key: tuple[Any, ...], mesh: Content, values: Entry
-) -> tuple[tuple[Any, ...], Content]:
+    context: Context, key: tuple[Any, ...], mesh: Mesh, values: Values
+) -> tuple[tuple[Any, ...], Mesh]:
     """The mesh with normals at its vertices, which Mitsuba makes where a file has none.
 
     They are weighted by angles in world space, so that a stretched mesh has its own.
@@ -76,7 +70,7 @@ def _with_normals(
     if _is_even(matrix):
         matrix = np.eye(4)
     key = (*key, "normals", matrix.tobytes())
-    return key, _cached(builder, key, lambda: mesh.with_vertex_normals(matrix.tolist()))
+    return key, context.once(key, lambda: mesh.with_vertex_normals(matrix.tolist()))
 
 
 def _is_even(matrix: Array) -> bool:
@@ -86,12 +80,12 @@ def _is_even(matrix: Array) -> bool:
     return bool(np.all(np.abs(gram - size * np.eye(3)) <= 1e-5 * size) and np.linalg.det(matrix[:3, :3]) > 0)
 
 
-def _part(builder: Builder, key: tuple[Any, ...], mesh: Content, first: int, count: int) -> Content:
-    return _cached(builder, (*key, "part", first), lambda: mesh.part(first, count))
+def _part(context: Context, key: tuple[Any, ...], mesh: Mesh, first: int, count: int) -> Mesh:
+    return context.once((*key, "part", first), lambda: mesh.part(first, count))
 
 
 def _parts(
-    builder: Builder, node: Node, mesh: Content, path: Path, *, load_materials: bool
+    context: Context, node: Node, mesh: Mesh, path: Path, *, load_materials: bool
 ) -> list[tuple[int, int, Node | None]]:
     """First face, number of faces and bsdf of each part; none where there is one material only."""
     bsdfs = _bsdfs(node, {name for name, _, _ in mesh.groups})
@@ -102,7 +96,7 @@ def _parts(
         location = node.property_location("filename")
         names = list(mesh.material_libraries)
         key = ("materials", path.resolve(), *names)
-        library = _cached(builder, key, lambda: materials_of(names, path, location, builder.diagnostics))
+        library = context.once(key, lambda: materials_of(names, path, location, context.diagnostics))
     parts = [(first, count, _bsdf_of(name, bsdfs, library)) for name, first, count in mesh.groups]
     own = {bsdf for _, bsdf in bsdfs}
     whole = len({bsdf for _, _, bsdf in parts}) == 1 and len(own) <= 1 and own <= {parts[0][2]}

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 
-from ...schema import CHILDREN, Field, Plugin
+from ...schema import CHILDREN, Field
 from ...syntax.errors import SceneError
 from ...syntax.nodes import Array, Node
+from ..plugin import Context, Entry, Plugin, Values
 from .lenses import FOCAL_LENGTH, field_of_view
 
-if TYPE_CHECKING:
-    from ..builder import Builder
 
-
-def _perspective(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _perspective(context: Context, node: Node, values: Values) -> Entry:
     return {"type": node.plugin.lower(), **field_of_view(node, values)}
 
 
-def _along_ray(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _along_ray(context: Context, node: Node, values: Values) -> Entry:
     """`origin` and `direction` in place of `to_world`, and an optional target."""
     origin, direction = (values.pop(name, None) for name in ("origin", "direction"))
     if (origin or direction) and "to_world" not in values:
@@ -35,14 +31,14 @@ def _looking_along(node: Node, direction: Array, origin: Array) -> Array:
     if not np.linalg.norm(direction) > 0:
         raise SceneError(f"{node} has no direction", node.property_location("direction"))
     z = direction / np.linalg.norm(direction)
-    x = np.cross((0, 1, 0) if abs(z[1]) < 0.9 else (1, 0, 0), z)
-    x /= np.linalg.norm(x)
+    x = np.cross((0.0, 1, 0) if abs(z[1]) < 0.9 else (1.0, 0, 0), z)
+    x = x / np.linalg.norm(x)
     matrix = np.eye(4)
     matrix[:3] = np.stack([x, np.cross(z, x), z, origin], axis=1)
     return matrix
 
 
-def _sobol(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _sobol(context: Context, node: Node, values: Values) -> Entry:
     kept = {name: value for name, value in values.items() if name not in POINTS}
     return {"type": "sobol", "sample_count": 4, **kept}
 

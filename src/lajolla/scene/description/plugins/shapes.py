@@ -3,46 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...schema import CHILDREN, Field, Plugin
+from lajolla import _core
+
+from ...schema import CHILDREN, Field
 from ...syntax.nodes import Array, Node
+from ..plugin import Context, Entry, Plugin, Values
 from .tessellate import MeshArrays, cube_arrays, cylinder_arrays, frame_around, sphere_arrays
 
-if TYPE_CHECKING:
-    from ..builder import Builder
-
-Build = Callable[["Builder", Node, dict[str, Any]], dict[str, Any]]
+Build = Callable[[Context, Node, Values], Entry]
 
 
-def _cube(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    if ("cube",) not in builder.files:
-        builder.files["cube",] = builder.core.Mesh(*cube_arrays())
-    return {"type": "mesh", "mesh": builder.files["cube",], **values}
+def _cube(context: Context, node: Node, values: Values) -> Entry:
+    return {"type": "mesh", "mesh": context.once("cube", lambda: _core.Mesh(*cube_arrays())), **values}
 
 
-def _round_shape(name: str, arrays: Callable[[dict[str, Any]], MeshArrays]) -> Build:
+def _round_shape(name: str, arrays: Callable[[Values], MeshArrays]) -> Build:
     """A builder for shapes that the core supports only with uniform scale."""
 
-    def build(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-        if name == "sphere" and _mirrors(values) and node.version >= (2, 0, 0):
+    def build(context: Context, node: Node, values: Values) -> Entry:
+        if name == "sphere" and _mirrors(values) and node.unsaid.mirrored:
             values["flip_normals"] = not values.get("flip_normals", False)  # as in Mitsuba 3
         if name == "cylinder":
             values = _evened_cylinder(values)
         if _is_similarity(values.get("to_world", np.eye(4))):
             return {"type": name, **values}
-        builder.diagnostics.warn(
+        context.diagnostics.warn(
             f"a {name} with non-uniform scale is rendered as a triangle mesh", node.location
         )
-        placed = {k: values[k] for k in ("to_world", "flip_normals") if k in values}
-        return {"type": "mesh", "mesh": builder.core.Mesh(*arrays(values)), **placed}
+        placed = {k: v for k, v in values.items() if k in ("to_world", "flip_normals")}
+        return {"type": "mesh", "mesh": _core.Mesh(*arrays(values)), **placed}
 
     return build
 
 
-def _evened_cylinder(values: dict[str, Any]) -> dict[str, Any]:
+def _evened_cylinder(values: Values) -> Entry:
     """The same cylinder with other ends and radius, where `to_world` scales alike across its axis.
 
     What is left of `to_world` turns the cylinder's own frame, so that texture coordinates stay.
@@ -69,13 +66,13 @@ def _evened_cylinder(values: dict[str, Any]) -> dict[str, Any]:
     return {**values, "p0": (0.0, 0.0, 0.0), "p1": end, "radius": radius, "to_world": to_world}
 
 
-def _mirrors(values: dict[str, Any]) -> bool:
+def _mirrors(values: Values) -> bool:
     return bool(np.linalg.det(np.asarray(values.get("to_world", np.eye(4)))[:3, :3]) < 0)
 
 
 def _grouping(name: str) -> Build:
     """A builder for groups and instances; `instances.py` expands them."""
-    return lambda builder, node, values: {"type": name, **values}
+    return lambda context, node, values: {"type": name, **values}
 
 
 def _is_similarity(matrix: Array) -> bool:

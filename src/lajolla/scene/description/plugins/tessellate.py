@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from ...syntax.nodes import Array
+from ..plugin import Values
 
 SEGMENTS = 256
 
@@ -39,7 +40,7 @@ def cube_arrays() -> MeshArrays:
     )
 
 
-def sphere_arrays(values: dict[str, Any]) -> MeshArrays:
+def sphere_arrays(values: Values) -> MeshArrays:
     """The sphere of `center` and `radius` with exact normals; u is the azimuth, v runs down from +z."""
     rows = SEGMENTS // 2
     u, v = np.meshgrid(np.linspace(0, 1, SEGMENTS + 1), np.linspace(0, 1, rows + 1))
@@ -52,7 +53,7 @@ def sphere_arrays(values: dict[str, Any]) -> MeshArrays:
     return _arrays(vertices, _grid_faces(rows, SEGMENTS), normals, uvs)
 
 
-def cylinder_arrays(values: dict[str, Any]) -> MeshArrays:
+def cylinder_arrays(values: Values) -> MeshArrays:
     """The open tube of `radius` from `p0` to `p1` with exact normals; u is the azimuth, v runs along it."""
     p0 = np.asarray(values.get("p0", (0, 0, 0)), float)
     axis = np.asarray(values.get("p1", (0, 0, 1)), float) - p0

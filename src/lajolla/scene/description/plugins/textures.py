@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 
+from lajolla import _core
 from lajolla.colour import decode_srgb
 
 from ...formats.images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
-from ...schema import Content, Field, Plugin
+from ...schema import Field
 from ...syntax.errors import SceneError
 from ...syntax.nodes import Node
-from ..values import convert
-
-if TYPE_CHECKING:
-    from ..builder import Builder
+from ..plugin import Context, Entry, Plugin, Values
 
 
-def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _bitmap(context: Context, node: Node, values: Values) -> Entry:
     values.pop("filename", None)
     raw, gamma = values.pop("raw", False), values.pop("gamma", -1.0)
     channel = values.pop("channel", "")
@@ -26,16 +22,18 @@ def _bitmap(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, A
     encoded = not (raw or gamma == 1 or is_alpha(channel))
     if arrays:
         pixels, is_integer = _from_array(node, arrays[0], channel)
-        image = _image(builder, pixels, gamma, encoded=encoded and is_integer)
+        image = _image(pixels, gamma, encoded=encoded and is_integer)
     else:
-        path, location = builder.find(node)
+        path, location = context.find(node)
         key = ("texture", path.resolve(), raw, gamma, channel)
-        if key not in builder.files:
-            builder.reading(path, location)
+
+        def read() -> _core.Image:
+            context.reading(path, location)
             decoded = FLOAT_RGB if gamma > 0 and gamma != 1 else 0
-            pixels = read_pixels(path, location, builder.pictures, channel, pixel=decoded)
-            builder.files[key] = _image(builder, pixels, gamma, encoded=encoded and is_integer_file(path))
-        image = builder.files[key]
+            pixels = read_pixels(path, location, context.pictures, channel, pixel=decoded)
+            return _image(pixels, gamma, encoded=encoded and is_integer_file(path))
+
+        image = context.once(key, read)
     return {"type": "bitmap", "image": image, **values}
 
 
@@ -44,13 +42,13 @@ def is_alpha(channel: str) -> bool:
     return channel.lower() == "a"
 
 
-def _image(builder: Builder, pixels: Pixels, gamma: float, *, encoded: bool) -> Content:
+def _image(pixels: Pixels, gamma: float, *, encoded: bool) -> _core.Image:
     """An image of the core. What is encoded is sRGB, or follows a power law where `gamma` > 0."""
     if pixels.dtype == np.uint8 and not (encoded and gamma > 0):
-        return builder.core.Image(pixels, srgb=encoded)
+        return _core.Image(pixels, srgb=encoded)
     if encoded:
         pixels = decode(pixels, gamma)
-    return builder.core.Image(pixels, srgb=False)
+    return _core.Image(pixels, srgb=False)
 
 
 def decode(pixels: Pixels, gamma: float = -1.0) -> Pixels:
@@ -64,7 +62,7 @@ def decode(pixels: Pixels, gamma: float = -1.0) -> Pixels:
 CHANNELS = {1: "y", 2: "ya", 3: "rgb", 4: "rgba"}  # of an array, by their number
 
 
-def _from_array(node: Node, data: Content, channel: str) -> tuple[Pixels, bool]:
+def _from_array(node: Node, data: object, channel: str) -> tuple[Pixels, bool]:
     """The pixels of an array as if it were a file of its type, and whether they are integers."""
     try:
         array = np.asarray(data)
@@ -87,13 +85,13 @@ def _from_array(node: Node, data: Content, channel: str) -> tuple[Pixels, bool]:
     return np.ascontiguousarray(array[:, :, wanted]), is_integer
 
 
-def _scale(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
+def _scale(context: Context, node: Node, values: Values) -> Entry | None:
     """The texture inside may have any name, or be a colour called `value`."""
     fields = {"scale": FACTOR, "texture": SCALED}
     for prop, child in node.children("texture"):
         name = "scale" if prop.name == "scale" else "texture"
-        if builder.texture(child) is not None:  # else it was left out
-            values[name] = convert(builder, node, prop, fields[name])
+        if context.texture(child) is not None:  # else it was left out
+            values[name] = context.convert(node, prop, fields[name])
     values.setdefault("texture", values.pop("value", None))
     if values["texture"] is None:
         if any(True for _ in node.children("texture")):
@@ -102,7 +100,7 @@ def _scale(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
     return {"type": "scale", **values}
 
 
-def _vertex_colors(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
+def _vertex_colors(context: Context, node: Node, values: Values) -> Entry:
     return {"type": "mesh_attribute", "name": "vertex_color"}
 
 

@@ -2,61 +2,62 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
+from lajolla import _core
+
 from ...data.spectra import blackbody
 from ...formats.volumes import read_voxels
 from ...formats.voxels import VoxelError, Voxels, box_transform
-from ...schema import Content, Field, Plugin
+from ...schema import Field
 from ...syntax.errors import Location, SceneError
 from ...syntax.nodes import Array, Blackbody, Node
-from ..values import convert
-
-if TYPE_CHECKING:
-    from ..builder import Builder
+from ..plugin import Colour, Context, Entry, Plugin, Values
 
 KEPT = (np.uint8, np.float16, np.float32)
 
 
-def _constant(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
-    return values.get("value", (1.0, 1.0, 1.0))
+def _constant(context: Context, node: Node, values: Values) -> Colour:
+    value: Colour = values.get("value", (1.0, 1.0, 1.0))
+    return value
 
 
-def placement_of(builder: Builder, volume: Node | None) -> Array:
+def placement_of(context: Context, volume: Node | None) -> Array:
     """The box of a constant volume, which may be inside another volume."""
     while volume is not None:
         prop = volume.find("to_world")
         if prop is not None:
-            return convert(builder, volume, prop, TO_WORLD)
+            place: Array = context.convert(volume, prop, TO_WORLD)
+            return place
         volume = next((child for _, child in volume.children("volume")), None)
     return np.eye(4)
 
 
-def _grid_volume(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
-    voxels, location = load_voxels(builder, node, values)
-    return _entry(builder, node, values, voxels, _finite(builder, voxels.values, location))
+def _grid_volume(context: Context, node: Node, values: Values) -> Entry:
+    voxels, location = load_voxels(context, node, values)
+    return _entry(context, node, values, voxels, _finite(context, voxels.values, location))
 
 
-def _blackbody_volume(builder: Builder, node: Node, values: dict[str, Any]) -> dict[str, Any]:
+def _blackbody_volume(context: Context, node: Node, values: Values) -> Entry:
     """Planck's law at every voxel; radiance, not temperature, is interpolated."""
     scale = values.pop("scale", 1.0)
     factor, offset = values.pop("temperature_scale", 1.0), values.pop("temperature_offset", 0.0)
     values.setdefault("grid_name", "temperature")
-    voxels, location = load_voxels(builder, node, values)
-    kelvin = factor * _finite(builder, voxels.values, location).astype(np.float32)[..., :1] + offset
+    voxels, location = load_voxels(context, node, values)
+    kelvin = factor * _finite(context, voxels.values, location).astype(np.float32)[..., :1] + offset
     top = max(float(kelvin.max()), 1.0)
     if top > MAX_KELVIN:
         raise SceneError(f"a temperature of {top:.4g} K is too high", location)
     colours = np.stack([blackbody(Blackbody(max(t, 1.0), scale)) for t in np.linspace(0, top, STEPS)])
     steps = np.linspace(0, top, STEPS)
     emitted = [np.interp(kelvin[..., 0], steps, column).astype(np.float32) for column in colours.T]
-    return _entry(builder, node, values, voxels, np.stack(emitted, axis=-1))
+    return _entry(context, node, values, voxels, np.stack(emitted, axis=-1))
 
 
-def load_voxels(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[Voxels, Location]:
+def load_voxels(context: Context, node: Node, values: Values) -> tuple[Voxels, Location]:
     """The voxels of a file or an array from Python, and the location for error messages."""
     arrays = [values.pop(name) for name in ("data", "grid") if name in values]
     grid_name = values.pop("grid_name", "density")
@@ -66,21 +67,23 @@ def load_voxels(builder: Builder, node: Node, values: dict[str, Any]) -> tuple[V
             raise SceneError(message, node.property_location("filename"))
         return Voxels(_from_array(node, arrays[0]), np.eye(4)), node.location
     values.pop("filename", None)
-    path, location = builder.find(node)
+    path, location = context.find(node)
     key = ("volume", path.resolve(), grid_name)
-    if key not in builder.files:
-        builder.reading(path, location)
+
+    def read() -> Voxels:
+        context.reading(path, location)
         try:
-            builder.files[key] = read_voxels(path, grid_name)
+            return read_voxels(path, grid_name)
         except VoxelError as problem:
             raise SceneError(f'"{path}" cannot be used as a volume: {problem}', location) from None
+
     values.setdefault("use_grid_bbox", path.suffix.lower() in (".nvdb", ".vdb"))
-    return builder.files[key], location
+    return context.once(key, read), location
 
 
 def _entry(
-    builder: Builder, node: Node, values: dict[str, Any], voxels: Voxels, array: npt.NDArray[np.generic]
-) -> dict[str, Any]:
+    context: Context, node: Node, values: Values, voxels: Voxels, array: npt.NDArray[np.generic]
+) -> Entry:
     box = voxels.box if values.pop("use_grid_bbox", False) else np.eye(4)
     corners = [values.pop(name, None) for name in ("min", "max")]
     if None not in corners:
@@ -89,17 +92,17 @@ def _entry(
         except VoxelError as problem:
             raise SceneError(f"{node}: {problem}", node.location) from None
     to_world: Array = values.pop("to_world", np.eye(4)) @ box
-    return {"type": "gridvolume", "grid": builder.core.Grid(array), "to_world": to_world, **values}
+    return {"type": "gridvolume", "grid": _core.Grid(array), "to_world": to_world, **values}
 
 
-def _finite(builder: Builder, array: npt.NDArray[np.generic], location: Location) -> npt.NDArray[np.generic]:
+def _finite(context: Context, array: npt.NDArray[np.generic], location: Location) -> npt.NDArray[np.generic]:
     if array.dtype != np.uint8 and not np.all(np.isfinite(array)):
-        builder.diagnostics.warn("the volume has voxels that are not finite; they are zero", location)
+        context.diagnostics.warn("the volume has voxels that are not finite; they are zero", location)
         array = np.where(np.isfinite(array), array, 0).astype(array.dtype)
     return np.ascontiguousarray(array)
 
 
-def _from_array(node: Node, data: Content) -> npt.NDArray[np.generic]:
+def _from_array(node: Node, data: object) -> npt.NDArray[np.generic]:
     try:
         array = np.asarray(data)
         array = array[..., None] if array.ndim == 3 else array
@@ -111,7 +114,7 @@ def _from_array(node: Node, data: Content) -> npt.NDArray[np.generic]:
         raise SceneError(f'"data" of {node} is not an array', node.location) from None
 
 
-def _unsupported(builder: Builder, node: Node, values: dict[str, Any]) -> Content:
+def _unsupported(context: Context, node: Node, values: Values) -> NoReturn:
     raise SceneError(f'{node} is not supported; its data must become one "gridvolume"', node.plugin_location)
 
 

@@ -1,0 +1,170 @@
+"""What a plugin is to the reader, what it makes, and what it may ask of the description in the making."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Protocol, TypeAlias, TypeVar
+
+from lajolla.film import Film
+from lajolla.picture_files import Budget
+
+from ..schema import Field, Schema, fields_of
+from ..syntax.errors import Diagnostics, Location
+from ..syntax.nodes import Blackbody, Node, Property, Rgb, Spectrum, Vector
+from .outputs import Layer, Picture
+
+Made = TypeVar("Made")
+
+# An entry of the description: "type", and values of that model's fields. What those are is declared in C++,
+# and checked when a value is converted to the type of its field and when the core builds its model of it.
+Entry: TypeAlias = dict[str, Any]
+Values: TypeAlias = dict[str, Any]  # of a plugin's fields, converted, by name
+Use: TypeAlias = dict[str, int]  # {"texture": index} or {"volume": index}
+Colour: TypeAlias = tuple[float, ...]  # linear sRGB; of some volumes six numbers
+Constant: TypeAlias = float | Vector | Rgb | Spectrum | Blackbody  # a texture that is the same everywhere
+
+
+@dataclass(frozen=True)
+class AdapterId:
+    """An entry of the description's adapters."""
+
+    index: int
+
+
+BLACK = -1
+MaterialId: TypeAlias = int | AdapterId  # the index of a bsdf, an adapter, or BLACK
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A material slot: what is seen from the front, and from behind."""
+
+    front: MaterialId
+    back: MaterialId = BLACK
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of several shapes that a shape of the file becomes, and its bsdf; None: the default one."""
+
+    entry: Entry
+    bsdf: Node | None
+
+
+@dataclass(frozen=True)
+class FilmPart:
+    """A film: the size of the picture, how it is written, and what it says of each of several integrators."""
+
+    entry: Entry
+    film: Film
+    layers: tuple[Layer, ...]
+
+
+# An entry, for emitters several; for textures and volumes also a constant, or the use of another one; for
+# bsdfs also a slot; for shapes also several parts; None where the object is left out.
+Built: TypeAlias = Entry | list[Entry] | list[Part] | Constant | Colour | Slot | Picture | FilmPart | None
+
+
+class Context(Protocol):
+    """What plugins may ask of the description in the making."""
+
+    diagnostics: Diagnostics
+    pictures: Budget
+    sky_pixels: int  # of the pictures of skies
+
+    @property
+    def film(self) -> Film:
+        """How the picture is written."""
+
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """What the film says of integrators in `multichannel`."""
+
+    def directories(self, location: Location) -> list[Path]:
+        """Where the files that an object names may be."""
+
+    def find(self, node: Node, name: str = "filename") -> tuple[Path, Location]:
+        """The file that a property names, and the place of the name."""
+
+    def reading(self, path: Path, location: Location) -> None:
+        """Counts the settings with which a file is read; each takes memory."""
+
+    def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """What was made for this key before, or is made now: files are read once."""
+
+    def convert(self, owner: Node, prop: Property, field: Field) -> Any:  # noqa: ANN401
+        """A property's value as a field of that type."""
+
+    def declared(self, kind: str, plugin: str) -> tuple[Field, ...]:
+        """The fields of a plugin."""
+
+    def report_texture(self, node: Node, name: str) -> None:
+        """Reports a texture for a parameter that must be constant."""
+
+    def texture(self, node: Node) -> Use | Constant | None:
+        """The value of a texture."""
+
+    def volume(self, node: Node) -> Use | Colour | None:
+        """The value of a volume."""
+
+    def index(self, node: Node) -> int:
+        """The index of a phase function or a medium in its list; -1 when it is ignored."""
+
+    def slot(self, node: Node) -> Slot | None:
+        """The material slot of a bsdf; None when it is ignored."""
+
+    def picture(self, node: Node) -> Picture:
+        """What an integrator shows."""
+
+    def entry(self, where: str, index: int) -> Entry:
+        """An entry of one of the description's lists."""
+
+    def add(self, where: str, entry: Entry, node: Node) -> int:
+        """Adds an entry to a list of the description; its index."""
+
+    def add_once(self, where: str, entry: Entry, node: Node) -> int:
+        """The index of an entry of a list; the same one is not added twice."""
+
+    def adapt(self, node: Node, plugin: str, values: Values, **children: MaterialId) -> AdapterId:
+        """An adapter around materials."""
+
+    def lets_light_through(self, material: MaterialId) -> bool:
+        """Whether any part of a material is seen from both sides."""
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A plugin of scene files.
+
+    `build(context, node, values)` gets the values of the properties that were given, converted, and returns
+    what the kind asks for; see `Built`.
+    """
+
+    kind: str
+    name: str
+    doc: str  # empty: that of the core model of the same name
+    fields: tuple[Field, ...]
+    build: Callable[[Context, Node, Values], Built]
+    children: tuple[str, ...] = ()
+    model: str = ""  # the core model that it makes, whose fields it shares
+    hidden: tuple[str, ...] = ()  # fields of the model that scenes do not set
+
+    def with_model(self, schema: Schema) -> Plugin:
+        """The same plugin with the fields of its core model before its own, and its doc if it has none."""
+        kind = "adapter" if self.model in schema.get("adapter", {}) else self.kind
+        doc = self.doc or schema.get(kind, {}).get(self.name, {"doc": ""})["doc"]
+        shared = fields_of(schema, kind, self.model) if self.model else ()
+        own = {f.name for f in self.fields}
+        kept = [f for f in shared if f.name not in own and f.name not in self.hidden]
+        return Plugin(self.kind, self.name, doc, (*kept, *self.fields), self.build, self.children, self.model)
+
+    def described(self) -> dict[str, Any]:
+        """The plugin in the form of `_core.schema()`."""
+        return {"doc": self.doc, "fields": [asdict(f) | {"choices": list(f.choices)} for f in self.fields]}
+
+
+def is_child(value: object, plugin: Plugin) -> bool:
+    """Whether a value is an object that may stand in the plugin's without being one of its fields."""
+    return isinstance(value, Node) and value.kind in plugin.children
