@@ -286,9 +286,11 @@ class Builder:
 
     def report_unknown(self, node: Node, prop: Property, fields: Iterable[str]) -> None:
         """Reports a property that the plugin does not have."""
-        what = f'property "{prop.name}"' if prop.name else str(prop.value)
-        hint = did_you_mean(prop.name, fields) if prop.name else ""
-        self.diagnostics.unknown(f"{node} does not support the {what}{hint}", prop.name_location)
+        if prop.name:
+            problem = f'{node} has no property "{prop.name}"{did_you_mean(prop.name, fields)}'
+        else:
+            problem = f"{node} does not support the {prop.value}"
+        self.diagnostics.unknown(problem, prop.name_location)
 
     def picture(self, node: Node) -> Picture:
         """The outputs of an integrator."""
