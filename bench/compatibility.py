@@ -209,7 +209,7 @@ Made by `bench/compatibility.py`. *Opens*: whether mitsuba {mitsuba} (`{variant}
 lajolla opens all of them. *Warnings*: number of lajolla's warnings. *Lost*: number of warnings of
 `lajolla convert` about features that Mitsuba 3 does not support. *Ratio*: mean of red, green and blue in
 lajolla's image of the scene, divided by the mean in Mitsuba's image of the converted scene; {width} pixels
-wide, {samples} samples per pixel, at most 8 segments. *Error*: the largest standard error of the three ratios.
+wide, {samples} samples per pixel, at most 8 segments. *Error*: the largest standard error.
 
 | scene | opens | warnings | lost | ratio | error | |
 |---|---|---|---|---|---|---|"""

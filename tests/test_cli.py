@@ -221,6 +221,8 @@ def test_check_all(capsys: Capture) -> None:
         f'<scene version="3.0.0"><include filename="part.xml"/>{sensor}<emitter type="laser"/></scene>'
     )
     (folder / "other.xml").write_text("<robot/>")
+    (folder / "remark.xml").write_text("<?xml version='1.0'?><!-- no <scene> --><!-- at all --><robot/>")
+    (folder / "library.xml").write_text("<COLLADA><scene/></COLLADA>")
     os.mkfifo(folder / "pipe.xml")
     (folder / "folder.xml").mkdir()
     assert cli.main(["check", "--all", "scenes"]) == 0
@@ -235,6 +237,11 @@ def test_check_all(capsys: Capture) -> None:
     ]
     assert cli.main(["check", "--all", "scenes", "--strict"]) == 1
     assert capsys.readouterr().out.splitlines()[2].split()[:2] == ["whole.xml", "no"]
+    (folder / "UTF-16.XML").write_text((folder / "whole.xml").read_text(), "utf-16")
+    (folder / "two\nlines.xml").write_text("<!-- a -->\n<!-- b -->" + (folder / "whole.xml").read_text())
+    cli.main(["check", "--all", "scenes"])
+    rows = [line.split()[:2] for line in capsys.readouterr().out.splitlines()]
+    assert ["UTF-16.XML", "yes"] in rows and ["two\\nlines.xml", "yes"] in rows
     assert cli.main(["check", "--all", "room.xml"]) == 1
     assert "room.xml is no folder" in capsys.readouterr().err
 
@@ -552,6 +559,23 @@ def test_mistakes_on_standard_input_have_a_place() -> None:
     assert result.returncode == 1
     assert result.stderr.startswith(b"<stdin>:9:18: error: ")
     assert result.stdout == b""
+
+
+def test_a_full_standard_output_loses_no_other_picture() -> None:
+    command = [sys.executable, "-m", "lajolla", *"render room.xml -o - -o b.png --format png --quiet".split()]
+    with open("/dev/full", "wb") as full:
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)
+    assert result.returncode == 1
+    assert result.stderr == b"lajolla: error: <stdout>: cannot be written: No space left on device\n"
+    assert files() == {"b.png"}
+
+
+def test_no_picture_goes_to_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert cli.main("render room.xml -o - --format png".split()) == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "standard output is a terminal" in captured.err
 
 
 def test_a_format_for_names_without_one() -> None:

@@ -268,6 +268,18 @@ REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is t
         CAMERA + SPHERE % f'<bsdf type="bumpmap"><float name="map" value="1"/>{RED}</bsdf>',
         "",
     ),
+    "bumps of checks": (
+        CAMERA
+        + SPHERE
+        % f'<bsdf type="bumpmap"><texture type="checkerboard"/><bsdf type="twosided">{RED}</bsdf></bsdf>',
+        "bumps are left out",
+    ),
+    "two-sided glass": (CAMERA + SPHERE % '<bsdf type="twosided"><bsdf type="dielectric"/></bsdf>', "alone"),
+    "a two-sided plate": (CAMERA + SPHERE % '<bsdf type="twosided"><bsdf type="polarizer"/></bsdf>', "alone"),
+    "a stretched view": (
+        CAMERA.replace("<film", '<transform name="to_world"><scale x="2"/></transform><film'),
+        "does not stretch",
+    ),
     "a spot of one colour": (
         CAMERA + '<emitter type="spot"><rgb name="texture" value="1 0 0"/></emitter>',
         "",
@@ -304,6 +316,23 @@ REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is t
         "is ignored",
     ),
 }
+
+
+def test_what_is_not_used_is_not_told_of_twice(tmp_path: Path) -> None:
+    """A colour is written where it is used, and a `subsurface` is left out with its shape's warning."""
+    colour = '<spectrum type="srgb" id="c"><rgb name="color" value="1 0 0"/></spectrum>'
+    red = '<bsdf type="diffuse"><ref name="reflectance" id="c"/></bsdf>'
+    text, told = converted(colour + CAMERA + SPHERE % red, tmp_path)
+    assert "1 0 0" in text and [w for w in told if "texture" in w] == []
+    wax = '<subsurface type="dipole" id="w"/>'
+    _, told = converted(wax + CAMERA + SPHERE % '<ref id="w"/>', tmp_path)
+    assert len([w for w in told if "subsurface" in w]) == 1
+
+
+def test_the_border_of_a_film_stays(tmp_path: Path) -> None:
+    border = '><boolean name="sample_border" value="true"/></film></sensor>'
+    text, _ = converted(CAMERA.replace("/></sensor>", border), tmp_path)
+    assert '<boolean name="sample_border" value="true" />' in text
 
 
 @pytest.mark.parametrize("case", REFUSED)
@@ -469,6 +498,32 @@ MESHES = {  # the file, and whether Mitsuba 3 reads the same
     "an obj": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", True),
     "indices from the end": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n", False),
     "long lines": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 \\\n3\n", False),
+    "whole numbers": (
+        "ply",
+        PLY.format("", "", 2).replace("float", "int") + CORNERS.format("") + TRIANGLES,
+        False,
+    ),
+    "normals without a direction": (
+        "ply",
+        PLY.format("", "".join(f"property float n{axis}\n" for axis in "xyz"), 2)
+        + CORNERS.format(" 0 0 0")
+        + TRIANGLES,
+        False,
+    ),
+    "colours of vertices": ("obj", "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n", False),
+    "a byte order mark": ("obj", "\ufeffv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", False),
+    "single coordinates": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0\nvt 1\nf 1/1 2/2 3/1\n", False),
+    "coordinates of some corners": (
+        "obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 1\nf 1/1 2/1 3/1\nf 3 2 1\n",
+        False,
+    ),
+    "normals of some corners": (
+        "obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\nf 3 2 1\n",
+        False,
+    ),
+    "a vertex that is no number": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\n", False),
 }
 
 
@@ -485,6 +540,16 @@ def test_meshes_that_mitsuba_reads_otherwise_are_packed(case: str, tmp_path: Pat
     assert np.array_equal(ours.vertices[ours.faces], theirs.vertices[theirs.faces])
     assert ours.attributes.keys() == theirs.attributes.keys()
     assert all(np.array_equal(ours.attributes[name], theirs.attributes[name]) for name in ours.attributes)
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply"])
+def test_meshes_without_faces_are_left_out(kind: str, tmp_path: Path) -> None:
+    """Mitsuba 3 refuses them."""
+    content = {"obj": "v 0 0 0\n", "ply": PLY.format("", "", 0) + CORNERS.format("")}[kind]
+    (tmp_path / f"mesh.{kind}").write_text(content)
+    shape = f'<shape type="{kind}"><string name="filename" value="mesh.{kind}"/></shape>'
+    text, _ = converted(CAMERA + shape, tmp_path)
+    assert "<shape" not in text
 
 
 COATED = {  # what is inside a coating, and how far Mitsuba's picture may be from ours

@@ -188,6 +188,8 @@ def test_meshes(shape: object) -> None:
         ({"ball": None}, "[ball]: error: nothing (None)"),
         ({"ball": object()}, "[ball]: error: an object of the type object cannot be part of a scene"),
         ({"ball": {1, 2}}, "of the type set cannot"),
+        ({"balls": [{"type": "sphere"}]}, "[balls]: error: a list of objects cannot be part of a scene"),
+        ({"balls": (Mesh(), Mesh())}, "a list of objects"),
         ({"ball": {"type": "sphere", "nonsense": len}}, "[ball.nonsense]: error: "),
         ({"ball": {"type": "sphere", "radius": 1 + 2j}}, "of the type complex cannot"),
         ({"ball": {"type": "sphere", "radius": b"2"}}, "of the type bytes cannot"),

@@ -236,8 +236,10 @@ def test_the_first_row_of_every_format_is_on_top(ending: str, tmp_path: Path) ->
     rows = np.linspace(0.1, 0.9, 600, dtype=np.float32)
     path = tmp_path / f"a{ending}"
     image.write(path, np.broadcast_to(rows[:, None, None], (600, 500, 3)))
-    textured = read_pixels(path, Location(Source("scene.xml", b"", tmp_path)), Budget())[:, 0, 0].astype(
-        np.float32
+    textured = (
+        read_pixels(path, Location(Source("scene.xml", b"", tmp_path)), Budget())
+        .pixels[:, 0, 0]
+        .astype(np.float32)
     )
     lossy = ending in (".webp", ".jxl")  # a little more than JPEG, which is monotone here
     steps = np.diff(textured[::20] if lossy else textured)

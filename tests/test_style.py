@@ -50,7 +50,8 @@ def test_what_types_are_not_checked_is_told_in_one_place(repository: Path) -> No
 
 
 def test_cpp_is_formatted(repository: Path) -> None:
-    sources = sorted(str(path) for path in (repository / "core").rglob("*") if path.suffix in {".h", ".cpp"})
+    files = [path for folder in ("core", "tests") for path in (repository / folder).rglob("*")]
+    sources = sorted(str(path) for path in files if path.suffix in {".h", ".cpp"})
     run_tool("clang-format", "--dry-run", "-Werror", *sources, folder=repository)
 
 

@@ -174,3 +174,35 @@ def test_direct_light_projected_is_direct_light(tmp_path: Path) -> None:
     assert [w.message for w in description.warnings] == [
         'unknown integrator "direct_projective"; "direct" is used'
     ]
+
+
+@pytest.mark.parametrize(
+    ("name", "used"),
+    [("mirror", "conductor"), ("glass", "dielectric"), ("roughglass", "roughdielectric")],
+)
+def test_common_names_of_other_programs(name: str, used: str, tmp_path: Path) -> None:
+    description, lines = told(tmp_path, SPHERE.format(f'<bsdf type="{name}"/>'))
+    assert description.core["bsdfs"][0]["type"] == used
+    assert lines[0] == f'unknown bsdf "{name}"; "{used}" is used'
+
+
+def test_guesses_are_harmless(tmp_path: Path) -> None:
+    """No name that looks alike makes a surface invisible, or an error of an unknown plugin."""
+    learned = '<bsdf type="neural"><string name="filename" value="weights.bin"/></bsdf>'
+    description, lines = told(tmp_path, SPHERE.format(learned))
+    assert description.core["bsdfs"][0]["type"] == "diffuse" and '"filename"' in lines[0]
+    inside = '<bsdf type="plastic"/><bsdf type="diffuse"/>'
+    description, lines = told(tmp_path, SPHERE.format(f'<bsdf type="mixture">{inside}</bsdf>'))
+    assert 'the bsdf "plastic" inside it is used, without the bsdf "diffuse"' in lines[0]
+    weights = f'<string name="weights" value="0.5, 0.5"/>{inside}'
+    _, lines = told(tmp_path, SPHERE.format(f'<bsdf type="mixturebdsf">{weights}</bsdf>'))
+    assert '"mixturebsdf" is used' in lines[0]
+    description, lines = told(tmp_path, SPHERE.format('<bsdf type="nul"/>'))
+    assert description.core["bsdfs"][0]["type"] == "null"
+
+
+def test_plastic_has_one_roughness(tmp_path: Path) -> None:
+    widths = '<float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.4"/>'
+    description, lines = told(tmp_path, SPHERE.format(f'<bsdf type="pplastic">{widths}</bsdf>'))
+    assert description.core["bsdfs"][0]["alpha"] == pytest.approx(0.2)
+    assert lines[0] == 'unknown bsdf "pplastic"; "roughplastic" is used'

@@ -1,6 +1,7 @@
 #include "accel/accel.h"
 
 #include <cstring>
+#include <deque>
 #include <new>
 #include <stdexcept>
 #include <type_traits>
@@ -103,6 +104,29 @@ void set_bounds(const RTCBoundsFunctionArguments *args) {
     *args->bounds_o = {box.low.x, box.low.y, box.low.z, 0, box.high.x, box.high.y, box.high.z, 0};
 }
 
+// All spheres of an Embree scene, as one geometry: as many geometries would take a kilobyte each.
+struct SphereSet {
+    struct Ball {
+        Vec3f center;
+        float radius;
+    };
+    std::vector<Ball> balls;
+    std::vector<std::uint32_t> ids; // by which hits name them
+
+    void add(const Sphere &sphere, std::uint32_t id) {
+        balls.push_back({sphere.center, sphere.radius});
+        ids.push_back(id);
+    }
+    std::uint32_t primitive_count() const { return static_cast<std::uint32_t>(balls.size()); }
+    Bounds bounds(std::uint32_t i) const {
+        return {balls[i].center - Vec3f(balls[i].radius), balls[i].center + Vec3f(balls[i].radius)};
+    }
+    template <class Float>
+    Float intersect(const Ray<Float> &ray, std::uint32_t i) const {
+        return intersect_sphere(balls[i].center, balls[i].radius, ray);
+    }
+};
+
 Ray<float> ray_of(RTCRayN *rays, unsigned n, unsigned i) {
     return {{RTCRayN_org_x(rays, n, i), RTCRayN_org_y(rays, n, i), RTCRayN_org_z(rays, n, i)},
             {RTCRayN_dir_x(rays, n, i), RTCRayN_dir_y(rays, n, i), RTCRayN_dir_z(rays, n, i)},
@@ -110,29 +134,58 @@ Ray<float> ray_of(RTCRayN *rays, unsigned n, unsigned i) {
             RTCRayN_tfar(rays, n, i)};
 }
 
+// A packet of as many rays as there are lanes has them side by side.
+Ray<WideFloat> rays_of(RTCRayN *rays) {
+    const auto n = static_cast<unsigned>(lanes);
+    return {{load(&RTCRayN_org_x(rays, n, 0)), load(&RTCRayN_org_y(rays, n, 0)),
+             load(&RTCRayN_org_z(rays, n, 0))},
+            {load(&RTCRayN_dir_x(rays, n, 0)), load(&RTCRayN_dir_y(rays, n, 0)),
+             load(&RTCRayN_dir_z(rays, n, 0))},
+            load(&RTCRayN_tnear(rays, n, 0)),
+            load(&RTCRayN_tfar(rays, n, 0))};
+}
+
+// Calls f(ray, distance) for those of the valid rays that meet a primitive; in lanes where it has them.
+template <class T>
+void for_each_meeting(const void *data, RTCRayN *rays, const int *valid, unsigned n, std::uint32_t primitive,
+                      auto &&f) {
+    if constexpr (std::is_same_v<T, SphereSet>)
+        if (n == static_cast<unsigned>(lanes)) {
+            const WideFloat t = static_cast<const T *>(data)->intersect(rays_of(rays), primitive);
+            const WideBool meets = WideBool(load(valid).v) && t != WideFloat(infinity);
+            return for_each_lane(meets, [&](int k) { f(static_cast<unsigned>(k), t[k]); });
+        }
+    for (unsigned i = 0; i < n; ++i) {
+        if (!valid[i]) continue;
+        const float t = intersect_part<T>(data, ray_of(rays, n, i), primitive);
+        if (t != infinity) f(i, t);
+    }
+}
+
 // Embree asks for one ray or for those of a packet that are valid.
 template <class T>
 void intersect_user(const RTCIntersectFunctionNArguments *args) {
     RTCRayN *rays = RTCRayHitN_RayN(args->rayhit, args->N);
     RTCHitN *hits = RTCRayHitN_HitN(args->rayhit, args->N);
-    for (unsigned i = 0; i < args->N; ++i) {
-        if (!args->valid[i]) continue;
-        const float t = intersect_part<T>(args->geometryUserPtr, ray_of(rays, args->N, i), args->primID);
-        if (t == infinity) continue;
-        RTCRayN_tfar(rays, args->N, i) = t;
-        RTCHitN_geomID(hits, args->N, i) = args->geomID;
-        RTCHitN_primID(hits, args->N, i) = args->primID;
-        RTCHitN_instID(hits, args->N, i, 0) = args->context->instID[0];
-        RTCHitN_u(hits, args->N, i) = RTCHitN_v(hits, args->N, i) = 0;
+    std::uint32_t shape = args->geomID, primitive = args->primID;
+    if constexpr (std::is_same_v<T, SphereSet>) {
+        shape = static_cast<const T *>(args->geometryUserPtr)->ids[primitive];
+        primitive = 0;
     }
+    for_each_meeting<T>(args->geometryUserPtr, rays, args->valid, args->N, args->primID,
+                        [&](unsigned i, float t) {
+                            RTCRayN_tfar(rays, args->N, i) = t;
+                            RTCHitN_geomID(hits, args->N, i) = shape;
+                            RTCHitN_primID(hits, args->N, i) = primitive;
+                            RTCHitN_instID(hits, args->N, i, 0) = args->context->instID[0];
+                            RTCHitN_u(hits, args->N, i) = RTCHitN_v(hits, args->N, i) = 0;
+                        });
 }
 
 template <class T>
 void occluded_user(const RTCOccludedFunctionNArguments *args) {
-    for (unsigned i = 0; i < args->N; ++i)
-        if (args->valid[i] &&
-            intersect_part<T>(args->geometryUserPtr, ray_of(args->ray, args->N, i), args->primID) != infinity)
-            RTCRayN_tfar(args->ray, args->N, i) = -infinity;
+    for_each_meeting<T>(args->geometryUserPtr, args->ray, args->valid, args->N, args->primID,
+                        [&](unsigned i, float) { RTCRayN_tfar(args->ray, args->N, i) = -infinity; });
 }
 
 template <class T>
@@ -228,6 +281,7 @@ struct Accel::Embree {
     RTCDevice device;
     RTCScene scene;
     std::vector<RTCScene> groups;
+    std::deque<SphereSet> spheres; // which do not move
 
     Embree() : device(rtcNewDevice(nullptr)), scene(device ? rtcNewScene(device) : nullptr) {
         if (scene) return;
@@ -247,8 +301,15 @@ struct Accel::Embree {
         rtcAttachGeometryByID(to, geometry, id);
         rtcReleaseGeometry(geometry);
     }
-    void attach(RTCScene to, const Shape &shape, std::uint32_t id) const {
-        attach(to, match(shape, [&](const auto &s) { return make_geometry(device, s); }), id);
+    // Shapes of one scene, of which hits name the i-th by i as its geometry. Spheres are the geometry `last`.
+    void attach_all(RTCScene to, std::span<const Shape *const> shapes, std::uint32_t last) {
+        SphereSet &set = spheres.emplace_back();
+        for (std::uint32_t i = 0; i < shapes.size(); ++i) {
+            if (!shapes[i]) continue;
+            if (const auto *sphere = std::get_if<Sphere>(shapes[i])) set.add(*sphere, i);
+            else attach(to, match(*shapes[i], [&](const auto &s) { return make_geometry(device, s); }), i);
+        }
+        if (!set.balls.empty()) attach(to, make_geometry(device, set), last);
     }
     void attach(RTCScene to, const Instance &instance, std::uint32_t id) const {
         RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE);
@@ -268,18 +329,23 @@ Accel::Accel(std::span<const Shape> shapes, std::span<const Group> groups,
     for (const Group &group : groups) {
         RTCScene scene = embree->groups.emplace_back(rtcNewScene(embree->device));
         rtcSetSceneBuildQuality(scene, quality);
-        for (std::uint32_t i = 0; i < group.size(); ++i) {
-            embree->attach(scene, shapes[group[i]], i);
-            is_member[group[i]] = true;
+        std::vector<const Shape *> members;
+        for (const std::uint32_t id : group) {
+            members.push_back(&shapes[id]);
+            is_member[id] = true;
         }
+        embree->attach_all(scene, members, static_cast<std::uint32_t>(members.size()));
         rtcCommitScene(scene);
     }
     rtcSetSceneBuildQuality(embree->scene, quality);
     loose_spheres_ = few_spheres(shapes, is_member);
-    for (const Shape &shape : shapes) has_curves_ |= std::holds_alternative<Curves>(shape);
-    for (std::uint32_t id = 0; id < shape_count_; ++id)
+    std::vector<const Shape *> seen(shapes.size()); // null where it is not in the scene itself
+    for (std::uint32_t id = 0; id < shape_count_; ++id) {
+        has_curves_ |= std::holds_alternative<Curves>(shapes[id]);
         if (!is_member[id] && !(std::holds_alternative<Sphere>(shapes[id]) && !loose_spheres_.empty()))
-            embree->attach(embree->scene, shapes[id], id);
+            seen[id] = &shapes[id];
+    }
+    embree->attach_all(embree->scene, seen, shape_count_ + static_cast<std::uint32_t>(instances.size()));
     limit_ = largest_coordinate;
     for (const Instance &instance : instances) {
         for (std::size_t axis = 0; axis < 3; ++axis) // an instance's translation is small beside the limit

@@ -263,17 +263,22 @@ Dict schema() {
             {"integrator", schema_of_list<Integrator>()}};
 }
 
-// Reads the fields alone: what a model's build() computes does not matter here.
+// Reads the fields alone, of every row: what a model's build() computes does not matter here.
 bool transmissive(const Dict &bsdf) {
     std::string type;
     if (const Value *const given = bsdf.find("type")) read_value(*given, type, "bsdf.type");
     bool result = false;
-    for_each_alternative<Bsdf>([&]<class Model>() {
-        if (type != Model::name) return;
-        Model model;
-        read_model(model, bsdf, "bsdf");
-        result = model.traits().transmissive;
-    });
+    const auto look_at = [&](const Dict &one) {
+        for_each_alternative<Bsdf>([&]<class Model>() {
+            if (type != Model::name) return;
+            Model model;
+            read_model(model, one, "bsdf");
+            result = result || model.traits().transmissive;
+        });
+    };
+    const auto rows = row_count(bsdf);
+    if (!rows) look_at(bsdf);
+    for (std::size_t i = 0; i < rows.value_or(0); ++i) look_at(row_of(bsdf, i));
     return result;
 }
 

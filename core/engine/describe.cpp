@@ -100,6 +100,23 @@ std::optional<std::size_t> read_choice(const Value &source, std::span<const char
                                 : std::optional(static_cast<std::size_t>(found - names.begin()));
 }
 
+const List *find_list(const Dict &description, const char *key) {
+    const Value *const given = description.find(key);
+    if (!given) return nullptr;
+    const List *const list = given->get_if<List>();
+    if (!list) throw UnexpectedValue(key, "a list", *given);
+    return list;
+}
+
+std::size_t entries_in(const Value &entry, const std::string &where) {
+    const Dict *const dict = entry.get_if<Dict>();
+    try {
+        return dict ? row_count(*dict).value_or(1) : 1;
+    } catch (const std::invalid_argument &error) {
+        throw DescriptionError(where + ": " + error.what());
+    }
+}
+
 namespace detail {
 
 namespace {

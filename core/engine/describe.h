@@ -313,19 +313,27 @@ Variant variant_from(const Dict &description, const std::string &where,
     return *std::move(result);
 }
 
+// The list under a key of a description; null where there is none.
+const List *find_list(const Dict &description, const char *key);
+
+// How many entries an entry of a list stands for, as it may hold columns (value.h).
+std::size_t entries_in(const Value &entry, const std::string &where);
+
 // Calls f(dict, where) for the entries of the list under a key of the description, if it is there.
 template <class F>
 void for_each_entry(const Dict &description, const char *key, F &&f) {
-    const Value *const given = description.find(key);
-    if (!given) return;
-    const List *const entries = given->get_if<List>();
-    if (!entries) throw UnexpectedValue(key, "a list", *given);
+    const List *const entries = find_list(description, key);
+    if (!entries) return;
     std::size_t index = 0;
+    const auto next = [&] { return std::string(key) + "[" + std::to_string(index) + "]"; };
     for (const Value &entry : *entries) {
-        const std::string where = std::string(key) + "[" + std::to_string(index++) + "]";
         const Dict *const dict = entry.get_if<Dict>();
-        if (!dict) throw UnexpectedValue(where, "a dict", entry);
-        f(*dict, where);
+        if (!dict) throw UnexpectedValue(next(), "a dict", entry);
+        const std::size_t count = entries_in(entry, next());
+        const bool has_columns = row_count(*dict).has_value();
+        for (std::size_t row = 0; row < count; ++row, ++index)
+            if (has_columns) f(row_of(*dict, row), next());
+            else f(*dict, next());
     }
 }
 
@@ -333,6 +341,10 @@ void for_each_entry(const Dict &description, const char *key, F &&f) {
 template <class Read>
 auto read_list(const Dict &description, const char *key, Read &&read) {
     std::vector<std::decay_t<decltype(read(Dict(), std::string()))>> result;
+    std::size_t count = 0;
+    if (const List *const entries = find_list(description, key))
+        for (const Value &entry : *entries) count += entries_in(entry, key);
+    result.reserve(count);
     for_each_entry(description, key, [&](const Dict &entry, const std::string &where) {
         result.push_back(read(entry, where));
     });

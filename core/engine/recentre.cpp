@@ -107,7 +107,10 @@ Value moved_all(const Value &list, auto &&move) {
     List result;
     for (const Value &entry : *entries) {
         const Dict *const dict = entry.get_if<Dict>();
-        result.push_back(dict ? Value(move(*dict, result.size())) : entry);
+        const auto rows = dict ? row_count(*dict) : std::nullopt;
+        for (std::size_t row = 0; row < rows.value_or(0); ++row)
+            result.push_back(move(row_of(*dict, row), result.size()));
+        if (!rows) result.push_back(dict ? Value(move(*dict, result.size())) : entry);
     }
     return result;
 }

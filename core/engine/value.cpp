@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <span>
+#include <stdexcept>
 
 namespace lajolla {
 
@@ -31,6 +33,52 @@ const Value *Dict::find(std::string_view key) const {
     const auto entry =
         std::find_if(entries_.begin(), entries_.end(), [&](const Entry &e) { return e.first == key; });
     return entry == entries_.end() ? nullptr : &entry->second;
+}
+
+namespace {
+
+const EntryColumn *column_in(const Value &value) {
+    const Object *const object = value.get_if<Object>();
+    return object ? object->as<EntryColumn>().get() : nullptr; // the value keeps it
+}
+
+Value nested(std::span<const double> numbers, std::span<const std::size_t> shape, bool integer) {
+    if (shape.empty()) return integer ? Value(static_cast<std::int64_t>(numbers[0])) : Value(numbers[0]);
+    const std::size_t size = numbers.size() / shape[0];
+    List list;
+    list.reserve(shape[0]);
+    for (std::size_t i = 0; i < shape[0]; ++i)
+        list.push_back(nested(numbers.subspan(i * size, size), shape.subspan(1), integer));
+    return list;
+}
+
+} // namespace
+
+Value EntryColumn::row(std::size_t index) const {
+    const std::size_t size = numbers.size() / rows;
+    return nested(std::span(numbers).subspan(index * size, size), shape, integer);
+}
+
+std::optional<std::size_t> row_count(const Dict &entry) {
+    std::optional<std::size_t> count;
+    for (const auto &[key, value] : entry)
+        if (const EntryColumn *const column = column_in(value)) {
+            if (count.value_or(column->rows) != column->rows)
+                throw std::invalid_argument("columns have " + std::to_string(*count) + " and " +
+                                            std::to_string(column->rows) + " rows");
+            count = column->rows;
+        }
+    return count;
+}
+
+Dict row_of(const Dict &entry, std::size_t index) {
+    Dict result;
+    result.reserve(entry.size());
+    for (const auto &[key, value] : entry) {
+        const EntryColumn *const column = column_in(value);
+        result.add(key, column ? column->row(index) : value);
+    }
+    return result;
 }
 
 std::string text_of(const Value &value) {

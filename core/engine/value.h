@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <typeinfo>
@@ -91,6 +92,21 @@ inline void Dict::add(std::string key, Value value) {
 }
 inline std::size_t Dict::size() const { return entries_.size(); }
 inline void Dict::reserve(std::size_t size) { entries_.reserve(size); }
+
+// Numbers of several entries of a list. An entry that holds columns stands for as many entries as they have
+// rows; each takes its row in place of the column, and shares the rest.
+struct EntryColumn {
+    std::vector<double> numbers; // row by row
+    std::size_t rows = 0;
+    std::vector<std::size_t> shape; // of a row: none for a number, {3} for three, {4, 4} for a matrix
+    bool integer = false;
+
+    Value row(std::size_t index) const;
+};
+
+// How many entries one stands for; nothing where it holds no columns.
+std::optional<std::size_t> row_count(const Dict &entry); // throws std::invalid_argument for uneven columns
+Dict row_of(const Dict &entry, std::size_t index);
 
 // A value in words, for messages: 'mis', [1, 2.5], {'texture': 3}.
 std::string text_of(const Value &value);

@@ -54,6 +54,23 @@ struct TriangleMesh {
     bool has_normals() const { return !face_normals && !mesh->normals.empty(); }
 };
 
+// The distance at which a ray meets a sphere. The discriminant comes from the distance between centre and
+// ray, which does not cancel for distant or large spheres (Haines et al. 2019, "Precision Improvements for
+// Ray/Sphere Intersection").
+template <class Float>
+Float intersect_sphere(const Vec3f &center, float radius, const Ray<Float> &ray) {
+    const Vec3<Float> f = ray.origin - Vec3<Float>(center);
+    const Float a = length_squared(ray.direction), b = -dot(f, ray.direction);
+    const Vec3<Float> closest = f + ray.direction * (b / a);
+    const Float discriminant = radius * radius - length_squared(closest);
+    const auto meets = discriminant >= 0.0f;
+    if (!any(meets)) return infinity;
+    const Float distance = length(f), c = (distance - radius) * (distance + radius);
+    const Float q = b + copysign(sqrt(a * discriminant), b), t0 = min(c / q, q / a), t1 = max(c / q, q / a);
+    const auto within = [&](Float t) { return meets && t > ray.near && t < ray.far; };
+    return select(within(t0), t0, select(within(t1), t1, Float(infinity)));
+}
+
 struct Sphere {
     static constexpr const char *name = "sphere";
     static constexpr const char *doc = "A sphere; to_world must scale uniformly.";
@@ -74,7 +91,9 @@ struct Sphere {
     Bounds bounds() const { return {center - Vec3f(radius), center + Vec3f(radius)}; }
     float area() const { return 4 * pi * radius * radius; }
     template <class Float>
-    Float intersect(const Ray<Float> &ray) const;
+    Float intersect(const Ray<Float> &ray) const {
+        return intersect_sphere(center, radius, ray);
+    }
     void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
     SurfaceSample sample(float, Vec2f u) const { return at(sample_sphere(u)); }
     // The point in a direction from the centre.
@@ -83,22 +102,6 @@ struct Sphere {
 private:
     float error() const { return position_error(max_component(abs(center)) + radius); }
 };
-
-template <class Float>
-Float Sphere::intersect(const Ray<Float> &ray) const {
-    // The discriminant from the distance between centre and ray, which does not cancel for distant or large
-    // spheres (Haines et al. 2019, "Precision Improvements for Ray/Sphere Intersection").
-    const Vec3<Float> f = ray.origin - Vec3<Float>(center);
-    const Float a = length_squared(ray.direction), b = -dot(f, ray.direction);
-    const Vec3<Float> closest = f + ray.direction * (b / a);
-    const Float discriminant = radius * radius - length_squared(closest);
-    const auto meets = discriminant >= 0.0f;
-    if (!any(meets)) return infinity;
-    const Float distance = length(f), c = (distance - radius) * (distance + radius);
-    const Float q = b + copysign(sqrt(a * discriminant), b), t0 = min(c / q, q / a), t1 = max(c / q, q / a);
-    const auto within = [&](Float t) { return meets && t > ray.near && t < ray.far; };
-    return select(within(t0), t0, select(within(t1), t1, Float(infinity)));
-}
 
 struct Rectangle {
     static constexpr const char *name = "rectangle";

@@ -19,6 +19,25 @@ namespace {
 
 using namespace nb::literals;
 
+using Numbers = nb::ndarray<nb::ro, nb::c_contig, nb::device::cpu>;
+
+std::shared_ptr<EntryColumn> make_column(const Numbers &rows) {
+    if (rows.ndim() == 0 || rows.size() == 0) throw std::invalid_argument("a column needs rows");
+    auto column = std::make_shared<EntryColumn>();
+    column->rows = rows.shape(0);
+    for (std::size_t axis = 1; axis < rows.ndim(); ++axis) column->shape.push_back(rows.shape(axis));
+    const auto copy = [&]<class T>(T) {
+        if (rows.dtype() != nb::dtype<T>()) return false;
+        const auto *first = static_cast<const T *>(rows.data());
+        column->numbers.assign(first, first + rows.size());
+        return true;
+    };
+    column->integer = copy(std::int64_t{});
+    if (!column->integer && !copy(double{}))
+        throw std::invalid_argument("the numbers of a column must be float64 or int64");
+    return column;
+}
+
 std::shared_ptr<RenderableScene> make_scene(const nb::dict &description) {
     return with_dict(description, [](const Dict &dict) {
         const nb::gil_scoped_release release;
@@ -48,7 +67,21 @@ std::tuple<float, float, float> replay_sample(const RenderableScene &self, std::
 void bind_scene(nb::module_ &m) {
     m.def(
         "transmissive", [](const nb::dict &bsdf) { return with_dict(bsdf, transmissive); }, "bsdf"_a,
-        "Whether light passes through a surface with the BSDF of a description.");
+        "Whether light passes through a surface with the BSDF of a description; with columns, through any.");
+    nb::class_<EntryColumn>(
+        m, "Column",
+        "Numbers of several entries of a description's list: one that holds columns stands "
+        "for as many entries as these have rows.")
+        .def(nb::new_(&make_column), "rows"_a,
+             "rows (count, ...) of float64 or int64: numbers, triples or matrices; they are copied.")
+        .def("__len__", [](const EntryColumn &column) { return column.rows; })
+        .def(
+            "row",
+            [](const EntryColumn &column, std::size_t i) {
+                if (i >= column.rows) throw nb::index_error("there is no such row");
+                return object_of(column.row(i));
+            },
+            "index"_a, "The value of one of the entries.");
     nb::class_<RenderableScene>(m, "Scene", "A scene that can be rendered; it never changes.")
         .def(nb::new_(&make_scene), "description"_a,
              "Builds the scene that a description holds. Raises DescriptionError.")

@@ -2,6 +2,9 @@
 
 #include <nanobind/stl/shared_ptr.h>
 
+#include <optional>
+#include <string_view>
+
 #include "geometry/curves.h"
 #include "geometry/mesh.h"
 #include "images/grid.h"
@@ -48,7 +51,9 @@ public:
         if (PyDict_Check(o)) return nested([&] { return dict(o); });
         if (PyList_Check(o) || PyTuple_Check(o)) return nested([&] { return list(o); });
         if (o == Py_None) return {};
-        if (nb::inst_check(source)) return shared_object<Mesh, Image, Grid, CurveSet, Measurement>(source);
+        if (nb::inst_check(source))
+            return shared_object<Mesh, Image, Grid, CurveSet, Measurement, EntryColumn>(source);
+        if (auto array = doubles(o); array && depth_ < deepest - 1) return *std::move(array);
         return other(o);
     }
 
@@ -58,6 +63,7 @@ private:
     // A picture that is given where numbers are expected is not taken to pieces: so many items, and no more,
     // are read of a sequence that is not a list.
     static constexpr Py_ssize_t longest = 1 << 20;
+    static constexpr Py_ssize_t most_bytes = 1 << 10; // of what is read at once
 
     Value nested(auto &&f) {
         if (depth_ == deepest) return Object();
@@ -99,6 +105,30 @@ private:
         for (Py_ssize_t i = 0; i < PySequence_Fast_GET_SIZE(o); ++i)
             result.push_back((*this)(PySequence_Fast_GET_ITEM(o, i)));
         return result;
+    }
+
+    // A matrix or a row of doubles, which NumPy's arrays show without a Python object for each number.
+    static std::optional<Value> doubles(PyObject *o) {
+        Py_buffer view;
+        if (!PyObject_CheckBuffer(o) ||
+            PyObject_GetBuffer(o, &view, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS) != 0) {
+            PyErr_Clear();
+            return std::nullopt;
+        }
+        const bool fits = (view.ndim == 1 || view.ndim == 2) && view.format &&
+                          std::string_view(view.format) == "d" && view.len <= most_bytes;
+        const auto *numbers = static_cast<const double *>(view.buf);
+        List list;
+        if (fits) {
+            const auto rows = static_cast<std::size_t>(view.shape[0]);
+            const std::size_t columns = view.ndim == 2 ? static_cast<std::size_t>(view.shape[1]) : 0;
+            list.reserve(rows);
+            for (std::size_t i = 0; i < rows; ++i)
+                if (view.ndim == 1) list.push_back(numbers[i]);
+                else list.push_back(List(numbers + i * columns, numbers + (i + 1) * columns));
+        }
+        PyBuffer_Release(&view);
+        return fits ? std::optional<Value>(std::move(list)) : std::nullopt;
     }
 
     // NumPy's numbers and arrays, and whatever else behaves like a number or a sequence.

@@ -245,6 +245,7 @@ def _as_target(target: str | os.PathLike[str] | BinaryIO) -> Target:
     return Path(target) if isinstance(target, str | os.PathLike) else target
 
 
+@names_checked
 def check_space(path: Path, width: int, height: int, channels: int = 3, format: str | None = None) -> None:
     """Raises ImageError when the disk may be too full for a picture, which compression could make smaller."""
     ending = ending_of(path, format)
@@ -334,6 +335,7 @@ def _clamped(target: Target, linear: FloatImage, low: float, high: float) -> Flo
 PIXEL_TYPES = {"uint8": "uint8", "uint16": "uint16", "uint32": "uint", "float16": "half", "float32": "float"}
 
 
+@names_checked
 def write_encoded(
     target: Target, pixels: NDArray[Any], *, ending: str = "", names: tuple[str, ...] = ()
 ) -> None:

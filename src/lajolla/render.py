@@ -10,6 +10,7 @@ from lajolla import _core
 from lajolla.film import Film
 from lajolla.image import Image
 from lajolla.limits import LIMITS
+from lajolla.messages import names_checked
 
 PASS_SECONDS = 2.0  # passes grow until they take about this long; an interrupted one is lost
 POLL_SECONDS = 0.1
@@ -62,6 +63,7 @@ class Rendering:
         channels = {label: values[..., 3 + index] for index, label in enumerate(self.channels)}
         return Image(values[..., :3], channels, self.film)
 
+    @names_checked
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
         """Renders the remaining samples; calls `observe` in this thread about ten times a second."""
         self.lost = 0

@@ -57,9 +57,12 @@ def written_to(target: Target, ending: str) -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as folder:
         temporary = Path(folder, f"picture{ending}")
         yield temporary
-        with temporary.open("rb") as file:
-            shutil.copyfileobj(file, target)
-        target.flush()
+        try:
+            with temporary.open("rb") as file:
+                shutil.copyfileobj(file, target)
+            target.flush()
+        except OSError as error:
+            raise ImageError(f"{name_of(target)}: cannot be written: {error.strerror}") from error
 
 
 def name_of(target: Target) -> str:

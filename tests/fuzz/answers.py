@@ -31,7 +31,8 @@ def outcome(load: Callable[..., lajolla.Scene]) -> str:
         AssertionError: it took too long or too much, a pixel is no number, or an error has no place.
     """
     with frugal(), warnings.catch_warnings():
-        warnings.simplefilter("error")
+        warnings.simplefilter("error")  # NumPy's
+        warnings.simplefilter("ignore", lajolla.SceneWarning)
         try:
             scene = load(size=(2, 2))
             picture = scene.render(spp=1, threads=1).array

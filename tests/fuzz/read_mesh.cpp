@@ -1,4 +1,5 @@
-// Feeds bytes to one of the mesh readers, for libFuzzer: a mesh that keeps the promises of MeshData, or a MeshError.
+// Feeds bytes to one of the mesh readers, for libFuzzer: a mesh that keeps the promises of MeshData, or a
+// MeshError.
 //   read_mesh --reader=obj|ply|serialized|inflated [folders of inputs] [options of libFuzzer]
 
 #include <zlib.h>
@@ -60,7 +61,8 @@ void check(const MeshData &mesh) {
     for (const Vec3f &n : mesh.normals)
         require(std::abs(dot(n, n) - 1) < 1e-4f, "normals are of unit length");
     require(mesh.uvs.empty() || mesh.uvs.size() == vertices, "coordinates for each vertex");
-    for (const Vec2f &uv : mesh.uvs) require(std::isfinite(uv.x) && std::isfinite(uv.y), "finite coordinates");
+    for (const Vec2f &uv : mesh.uvs)
+        require(std::isfinite(uv.x) && std::isfinite(uv.y), "finite coordinates");
     for (const auto &triangle : mesh.triangles)
         for (const uint32_t index : triangle) require(index < vertices, "indices are below the vertex count");
     for (const auto &attribute : mesh.attributes) {

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, BinaryIO, TypeAlias
@@ -24,6 +25,7 @@ from lajolla.film import Film
 from .description import cameras
 from .description.assemble import assemble
 from .description.builder import Builder, plugins_by_kind
+from .description.entries import Places
 from .description.plugins import READER_PLUGINS
 from .description.substitutes import SUBSTITUTES
 from .formats.images import Pixels
@@ -31,8 +33,9 @@ from .schema import core_schema
 from .syntax.dict_reader import nodes_from_dict
 from .syntax.errors import Diagnostics, Location, SceneError, SceneWarning, Source, blamed_on, reason_of
 from .syntax.expand import UnknownParameter, expand_file
-from .syntax.resolve import resolve
-from .syntax.typed import Tree, nodes_from_elements
+from .syntax.nodes import Node
+from .syntax.resolve import follow, resolve
+from .syntax.typed import Tree, member_of_run, nodes_from_elements
 from .versions.upgrade import upgrade
 
 __all__ = [
@@ -64,7 +67,7 @@ class Description:
 
     core: dict[str, Any]
     warnings: list[SceneWarning]
-    places: Mapping[str, Location] = field(default_factory=dict)
+    places: Places = field(default_factory=Places)
     film: Film = field(default_factory=Film)
     sensors: tuple[str, ...] = ()  # the ids, or else numbers, of all that there are
 
@@ -78,9 +81,10 @@ class Description:
         if not isinstance(problem, _core.DescriptionError):
             return SceneError(reason_of(problem), self.places.get("scene"))
         entry = re.match(r"(\w+(?:\[\d+\])?)(?: \(\w+\))?(?:\.|: )(.*)", str(problem), re.DOTALL)
-        if entry is None or entry[1] not in self.places:
+        place = self.places.find(entry[1]) if entry else None
+        if entry is None or place is None:
             return SceneError(str(problem), self.places.get("scene"))
-        return SceneError(entry[2], self.places[entry[1]])
+        return SceneError(entry[2], place)
 
 
 def load_description(
@@ -92,6 +96,7 @@ def load_description(
     two_sided: bool = False,
     integrator: str | None = None,
     sensor: str | int | None = None,
+    runs: bool = True,
 ) -> Description:
     """Reads a Mitsuba scene file of any version.
 
@@ -103,12 +108,13 @@ def load_description(
         two_sided: make opaque materials the same on the back.
         integrator: the plugin to use in place of the scene's integrator, with the parameters that both have.
         sensor: the number, from zero, or the id of the one to look through.
+        runs: read shapes that are alike together, which is quicker and means the same.
 
     Raises:
         SceneError: the scene cannot be read; the message contains the location and the reason.
         UnknownParameter: the scene does not have one that it must have.
     """
-    tree, builder = _read(path, parameters, strict, required_names)
+    tree, builder = _read(path, parameters, strict, required_names, runs=runs)
     return _describe(tree, replace(builder, two_sided=two_sided, integrator=integrator, sensor=sensor))
 
 
@@ -155,7 +161,7 @@ def convert(
     from .export.translator import Translator  # the way out, which no render needs
     from .export.write import scene_text
 
-    tree, builder = _read(path, parameters, strict)
+    tree, builder = _read(path, parameters, strict, runs=False)
     builder.kept = {}
     description = _describe(tree, builder)
     builder.diagnostics.strict = False  # what is read is read, and what is lost is no mistake
@@ -205,16 +211,30 @@ def plugins() -> dict[str, dict[str, Any]]:
 
 
 def _read(
-    file: SceneFile, parameters: Mapping[str, str], strict: bool, required_names: Container[str] = ()
+    file: SceneFile,
+    parameters: Mapping[str, str],
+    strict: bool,
+    required_names: Container[str] = (),
+    *,
+    runs: bool = True,
 ) -> tuple[Tree, Builder]:
     """A scene file's nodes, opened, and the builder that knows where its files are."""
     diagnostics = Diagnostics(strict)
     path, data = _named(file)
-    document = expand_file(path, parameters, diagnostics, data=data, required_names=required_names)
+    document = expand_file(path, parameters, diagnostics, data=data, required_names=required_names, runs=runs)
     with np.errstate(all="ignore"):
         tree = nodes_from_elements(document.root, diagnostics)
     builder = Builder(diagnostics, document.search_paths)
-    return _opened(tree, builder), builder
+    return _opened(tree, builder), replace(builder, members=partial(_members, tree, builder))
+
+
+def _members(tree: Tree, builder: Builder, node: Node) -> Iterator[Node]:
+    """The shapes for which the node of a run stands, one by one, as if there were no run."""
+    for index in range(node.count):
+        member = member_of_run(node, index)
+        upgrade(member.nodes, builder.table, Diagnostics())  # the run was told of
+        follow(member, tree.ids)
+        yield next(child for _, child in member.root.children("shape"))
 
 
 def _named(file: SceneFile) -> tuple[Path, bytes | None]:

@@ -58,16 +58,18 @@ def to_rgb(
     value: Rgb | Spectrum | Blackbody, *, emission: bool, diagnostics: Diagnostics, location: Location
 ) -> tuple[float, float, float]:
     """Linear sRGB of any colour; negative values become zero, with a warning."""
+    rgb: tuple[float, ...]
     if isinstance(value, Rgb):
-        rgb = np.array(value.values)
+        rgb = value.values
     elif isinstance(value, Blackbody):
-        rgb = blackbody(value)
+        rgb = tuple(blackbody(value).tolist())
     elif not value.wavelengths:
-        rgb = np.full(3, value.values[0])
+        rgb = (value.values[0],) * 3
     else:
-        rgb = integrate(np.array(value.wavelengths), np.array(value.values), d65=not emission)
-    if np.any(rgb < 0):
+        spectrum = integrate(np.array(value.wavelengths), np.array(value.values), d65=not emission)
+        rgb = tuple(spectrum.tolist())
+    if min(rgb) < 0:
         shown = ", ".join(f"{v:.4g}" for v in rgb)
         diagnostics.warn(f"the colour ({shown}) has a negative part, which becomes zero", location)
-    red, green, blue = (float(v) for v in np.maximum(rgb, 0.0))
+    red, green, blue = (0.0 if v <= 0 else float(v) for v in rgb)  # what is no number stays
     return (red, green, blue)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,10 +13,11 @@ from . import cameras
 from .builder import Builder
 from .default_camera import default_camera
 from .inside import is_inside
-from .instances import add_instance, check_size
+from .instances import add_instance, check_size, plain_group
 from .mapping import warn_of_missing_coordinates
 from .outputs import description_of, repeated
 from .plugin import BLACK, Entry, FilmPart, Part, Slot
+from .runs import add_run
 
 ENVIRONMENTS = ("envmap", "constant", "sky", "sunsky")
 NEVER_LIGHTS = ("sdfgrid",)
@@ -56,17 +58,17 @@ def assemble(builder: Builder, scene: Node) -> Entry:
     output = _output(builder, _integrator(builder, scene))
     _warn_of_unseen_media(builder, output["integrator"]["type"], camera, sensor)
     return {
-        "textures": builder.textures,
-        "bsdfs": builder.bsdfs,
-        "adapters": builder.adapters,
-        "materials": builder.materials,
-        "emitters": builder.emitters,
-        "volumes": builder.volumes,
-        "phases": builder.phases,
-        "media": builder.media,
-        "shapes": builder.shapes,
-        "groups": builder.groups,
-        "instances": builder.instances,
+        "textures": builder.textures.stored,
+        "bsdfs": builder.bsdfs.stored,
+        "adapters": builder.adapters.stored,
+        "materials": builder.materials.stored,
+        "emitters": builder.emitters.stored,
+        "volumes": builder.volumes.stored,
+        "phases": builder.phases.stored,
+        "media": builder.media.stored,
+        "shapes": builder.shapes.stored,
+        "groups": builder.groups.stored,
+        "instances": builder.instances.stored,
         "sensor": camera,
         "film": size,
         "rfilter": _one(builder, rfilter),
@@ -163,7 +165,7 @@ def _warn_of_unseen_media(builder: Builder, integrator: str, camera: Entry, sens
     if camera.get("medium", -1) >= 0 or camera["type"] == "orthographic":
         return
     eye = np.asarray(camera.get("to_world", np.eye(4)), float)[:3, 3]
-    for i, shape in enumerate(builder.shapes):
+    for i, shape in builder.shapes.alike():
         if shape.get("interior", -1) >= 0 and is_inside(shape, eye):
             message = (
                 f"the camera is inside the medium of this shape, but {sensor} does not name it, so "
@@ -174,7 +176,7 @@ def _warn_of_unseen_media(builder: Builder, integrator: str, camera: Entry, sens
 
 
 def _warn_of_missing_attributes(builder: Builder) -> None:
-    known = {name for shape in builder.shapes if "mesh" in shape for name in shape["mesh"].attributes}
+    known = {name for shape in builder.shapes.stored if "mesh" in shape for name in shape["mesh"].attributes}
     for i, texture in enumerate(builder.textures):
         name = texture.get("name", "vertex_color")
         if texture["type"] == "mesh_attribute" and name not in known:
@@ -237,8 +239,13 @@ def _add_missing_light(builder: Builder, scene: Node) -> None:
     _add_emitter(builder, node)
 
 
-def _add_shape(builder: Builder, node: Node) -> list[int]:
+def _add_shape(builder: Builder, node: Node) -> Sequence[int]:
     """Adds the shapes of a node to the scene; their indices, none for groups and instances."""
+    if node.run is not None:
+        added = add_run(builder, node, _add_material, plain_group(_add_shape))
+        if added is not None:
+            return added
+        return [index for member in builder.members(node) for index in _add_shape(builder, member)]
     entry = builder.construct(node)
     if isinstance(entry, list):
         parts = [part for part in entry if isinstance(part, Part)]
@@ -260,7 +267,7 @@ def _add_part(builder: Builder, node: Node, entry: Entry, bsdf: Node | None) -> 
     emitter = -1 if entry["type"] in NEVER_LIGHTS else _area_light(builder, node)
     if entry["type"] in NEVER_LIGHTS and any(True for _ in node.children("emitter")):
         builder.diagnostics.warn(f"{node} cannot be a light; it emits no light", node.location)
-    material = builder.add_material(_material(builder, node, bsdf, emits=emitter >= 0), node)
+    material = _add_material(builder, node, bsdf, emits=emitter >= 0)
     entry |= {"material": material, "emitter": emitter, **_media(builder, node)}
     return builder.add("shapes", entry, node)
 
@@ -276,6 +283,10 @@ def _area_light(builder: Builder, shape: Node) -> int:
     entry = builder.construct(node)
     assert isinstance(entry, dict)
     return builder.add("emitters", entry, node)
+
+
+def _add_material(builder: Builder, shape: Node, bsdf: Node | None, *, emits: bool = False) -> int:
+    return builder.add_material(_material(builder, shape, bsdf, emits=emits), shape)
 
 
 def _material(builder: Builder, shape: Node, bsdf: Node | None, *, emits: bool) -> Slot:

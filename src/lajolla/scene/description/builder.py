@@ -16,6 +16,7 @@ from ..schema import CHILDREN, HARMLESS, TEXTURED, Field, core_schema, fields_of
 from ..syntax.errors import Diagnostics, Location, SceneError, blamed_on, did_you_mean
 from ..syntax.files import MissingFile, find_file
 from ..syntax.nodes import Node, Property
+from .entries import Entries, Places
 from .outputs import Layer, Picture
 from .plugin import (
     BLACK,
@@ -95,7 +96,8 @@ def _of_model(kind: str, name: str) -> Plugin:
     def build(context: Context, node: Node, values: Values) -> Entry:
         return {"type": name, **values}
 
-    return Plugin(kind, name, doc, fields, build, CHILDREN.get(kind, ()), model=name)
+    in_runs = kind in ("shape", "bsdf")
+    return Plugin(kind, name, doc, fields, build, CHILDREN.get(kind, ()), model=name, in_runs=in_runs)
 
 
 @dataclass(frozen=True)
@@ -117,19 +119,19 @@ class Builder:
     integrator: str | None = None  # in place of the scene's
     sensor: str | int | None = None  # which one of several, by id or number
     table: Mapping[str, Mapping[str, Plugin]] = field(default_factory=plugins_by_kind)
-    textures: list[Entry] = field(default_factory=list)
+    textures: Entries = field(default_factory=Entries)
     lookups: list[int] = field(default_factory=list)  # of each texture, how many it takes
-    bsdfs: list[Entry] = field(default_factory=list)
+    bsdfs: Entries = field(default_factory=Entries)
     transmissive: list[bool] = field(default_factory=list)  # of each bsdf, whether light passes through
-    adapters: list[Entry] = field(default_factory=list)
-    materials: list[Entry] = field(default_factory=list)
-    emitters: list[Entry] = field(default_factory=list)
-    shapes: list[Entry] = field(default_factory=list)
-    volumes: list[Entry] = field(default_factory=list)
-    phases: list[Entry] = field(default_factory=list)
-    media: list[Entry] = field(default_factory=list)
-    groups: list[Entry] = field(default_factory=list)
-    instances: list[Entry] = field(default_factory=list)
+    adapters: Entries = field(default_factory=Entries)
+    materials: Entries = field(default_factory=Entries)
+    emitters: Entries = field(default_factory=Entries)
+    shapes: Entries = field(default_factory=Entries)
+    volumes: Entries = field(default_factory=Entries)
+    phases: Entries = field(default_factory=Entries)
+    media: Entries = field(default_factory=Entries)
+    groups: Entries = field(default_factory=Entries)
+    instances: Entries = field(default_factory=Entries)
     film: Film = field(default_factory=Film)  # how the picture is written
     layers: tuple[Layer, ...] = ()  # what the film says of integrators in `multichannel`
     uses: dict[Node, Built] = field(default_factory=dict)  # of textures and volumes
@@ -137,7 +139,8 @@ class Builder:
     indices_of: dict[Node, int] = field(default_factory=dict)  # phase functions and media
     indices: dict[str, int] = field(default_factory=dict)  # of bsdfs and adapters by what they are
     slots: dict[Slot, int] = field(default_factory=dict)
-    places: dict[str, Location] = field(default_factory=dict)  # of entries: "shapes[3]"
+    places: Places = field(default_factory=Places)
+    members: Callable[[Node], Iterator[Node]] = lambda node: iter((node,))  # of a run, one by one
     pictures: Budget = field(default_factory=Budget)
     sky_pixels: int = 0  # of the pictures of skies
     settings: dict[Path, int] = field(default_factory=dict)  # number of settings each file is read with
@@ -181,7 +184,8 @@ class Builder:
 
     def plugin(self, node: Node) -> Plugin | None:
         """The plugin of a node, ignoring the case of its name."""
-        return self.table.get(node.kind, {}).get(node.plugin.lower())
+        plugins, name = self.table.get(node.kind, {}), node.plugin.lower()
+        return plugins[name] if name in plugins else None  # noqa: SIM401, get() of a Mapping is slow
 
     def construct(self, node: Node) -> Built:
         """The result of the node's plugin, or of its replacement; None if the node is ignored.
@@ -253,7 +257,7 @@ class Builder:
 
     def values(self, node: Node, plugin: Plugin) -> Values:
         """The node's properties as fields of the plugin; unknown ones are warned about."""
-        fields = {f.name: f for f in plugin.fields}
+        fields = plugin.by_name
         values: Values = {}
         for name, prop in named(node, fields):
             if _is_texture(prop.value) and self.texture(prop.value) is None:
@@ -332,17 +336,17 @@ class Builder:
 
     def entry(self, where: str, index: int) -> Entry:
         """An entry of one of the description's lists."""
-        entries: list[Entry] = getattr(self, where)
+        entries: Entries = getattr(self, where)
         return entries[index]
 
     def add(self, where: str, entry: Entry, node: Node) -> int:
         """Adds an entry to a list of the description; its index."""
-        entries: list[Entry] = getattr(self, where)
+        entries: Entries = getattr(self, where)
         if where == "textures":
             self._count_lookups(entry, node)
-        self.places[f"{where}[{len(entries)}]"] = node.location
-        entries.append(entry)
-        return len(entries) - 1
+        index = entries.add(entry)
+        self.places[f"{where}[{index}]"] = node.location
+        return index
 
     def _count_lookups(self, entry: Entry, node: Node) -> None:
         """Limits lookups: textures that use each other twice double the time at every level."""
@@ -355,12 +359,17 @@ class Builder:
 
     def add_once(self, where: str, entry: Entry, node: Node) -> int:
         """The index of an entry of a list; the same one is not added twice."""
-        key = repr((where, entry))
+        key = self.key_of(where, entry)
         if key not in self.indices:
             if where == "bsdfs":
                 self.transmissive.append(self._is_transmissive(entry, node))
             self.indices[key] = self.add(where, entry, node)
         return self.indices[key]
+
+    @staticmethod
+    def key_of(where: str, entry: Entry) -> str:
+        """By what an entry of a list is known."""
+        return repr((where, entry))
 
     def _is_transmissive(self, entry: Entry, node: Node) -> bool:
         """Lets the core validate the values."""

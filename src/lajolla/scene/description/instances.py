@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from ..schema import Field
 from ..syntax.errors import SceneError
+from ..syntax.members import Irregular
 from ..syntax.nodes import Array, Node, Property
 from .builder import Builder
 from .plugin import Entry
@@ -22,7 +23,7 @@ TO_WORLD = Field("to_world", "transform", "")
 
 Group = TypeVar("Group")
 Member = TypeVar("Member")
-AddShape = Callable[[Builder, Node], list[int]]
+AddShape = Callable[[Builder, Node], Sequence[int]]
 
 
 @dataclass
@@ -55,6 +56,23 @@ def add_instance(builder: Builder, node: Node, add_shape: AddShape) -> None:
         _add_light(builder, light, matrix @ placed, add_shape)
 
 
+def plain_group(add_shape: AddShape) -> Callable[[Builder, Node], int]:
+    """What finds the group of the description that a shapegroup is.
+
+    It raises `Irregular` where the shapegroup is more than that.
+    """
+
+    def find(builder: Builder, group: Node) -> int:
+        if group.plugin.lower() != "shapegroup":
+            raise Irregular
+        contents = _contents(builder, group, add_shape)
+        if contents.lights or len(contents.groups) != 1 or np.any(contents.groups[0][0] != np.eye(4)):
+            raise Irregular
+        return contents.groups[0][1]
+
+    return find
+
+
 def group_of(builder: Builder, node: Node) -> Node:
     groups = [child for _, child in node.children("shape")]
     if not groups or any(group.plugin.lower() != "shapegroup" for group in groups):
@@ -77,10 +95,10 @@ def check_size(scene: Node) -> None:
     total, largest, owner = 0, 0, scene
     for _, node in scene.children("shape"):
         count = _added(node, added, placed)
-        total += count
+        total += count * node.count
         if count > largest:
             largest, owner = count, node
-    limit = MOST_REPEATED + MOST_PER_SHAPE * (len(added) + len(placed))
+    limit = MOST_REPEATED + MOST_PER_SHAPE * (sum(node.count for node in added) + len(placed))
     if total > limit:
         message = f"instances and merged shapes make {total:,} objects; the limit is {limit:,}"
         raise SceneError(message, owner.location)
@@ -90,11 +108,13 @@ def _added(node: Node, added: dict[Node, int], placed: dict[Node, int]) -> int:
     """How many shapes and instances a shape becomes where it stands, with the members of a new group."""
     if node not in added:
         children = [child for _, child in node.children("shape")]
+        members = {m for prop in node.properties for m in prop.members if isinstance(m, Node)}
         kind = node.plugin.lower()
-        if kind == "instance":
-            added[node] = sum(_placed(child, added, placed) for child in children)
+        if kind == "instance":  # the largest of those in a run
+            first = sum(_placed(child, added, placed) for child in children)
+            added[node] = max(first, *(_placed(member, added, placed) for member in members), 0)
         elif kind in ("merge", "shapegroup"):
-            added[node] = sum(_added(child, added, placed) for child in children)
+            added[node] = sum(_added(child, added, placed) * child.count for child in children)
         else:
             added[node] = 1
     return added[node]
@@ -106,7 +126,7 @@ def _placed(group: Node, added: dict[Node, int], placed: dict[Node, int]) -> int
         total = 1
         for _, child in group.children("shape"):
             if child.plugin.lower() == "instance":
-                total += sum(_placed(inner, added, placed) for _, inner in child.children("shape"))
+                total += _added(child, added, placed) * child.count
             elif child.plugin.lower() in ("shapegroup", "merge"):
                 total += _placed(child, added, placed)
             else:
@@ -123,7 +143,7 @@ def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents[in
         return builder.add("groups", {"shapes": members}, node)
 
     def flatten() -> Contents[int]:
-        for node in (group, *members_of(group)):
+        for node in (group, *_one_by_one(builder, group)):
             if node.plugin.lower() in ("shapegroup", "instance"):
                 builder.construct(node)  # tells what it has no use for
         contents = flattened(
@@ -143,7 +163,7 @@ def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents[in
 def flattened(
     builder: Builder,
     group: Node,
-    make: Callable[[Node], list[Member]],
+    make: Callable[[Node], Sequence[Member]],
     close: Callable[[Node, list[Member]], Group],
     contents_of: Callable[[Node], Contents[Group]],
 ) -> Contents[Group]:
@@ -158,7 +178,7 @@ def flattened(
     """
     contents: Contents[Group] = Contents([], [])
     members: list[Member] = []
-    for child in members_of(group):
+    for child in _one_by_one(builder, group):
         name = child.plugin.lower()
         if name == "shapegroup":
             contents.extend(np.eye(4), contents_of(child))
@@ -171,6 +191,15 @@ def flattened(
     if members:
         contents.groups.append((np.eye(4), close(group, members)))
     return contents
+
+
+def _one_by_one(builder: Builder, group: Node) -> Iterator[Node]:
+    """The shapes of a group; instances, which are made part of it, without runs."""
+    for child in members_of(group):
+        if child.run is not None and child.plugin.lower() == "instance":
+            yield from builder.members(child)
+        else:
+            yield child
 
 
 def members_of(group: Node) -> Iterator[Node]:

@@ -13,7 +13,7 @@ MAPPED = ("bitmap", "checkerboard", "gridtexture")  # where on a texture a point
 def warn_of_missing_coordinates(builder: Builder) -> None:
     """Warns about shapes without texture coordinates whose textures need them."""
     needing: dict[int, bool] = {}  # materials
-    for i, shape in enumerate(builder.shapes):
+    for i, shape in builder.shapes.alike():
         if shape["type"] != "sdfgrid" and not ("mesh" in shape and shape["mesh"].uvs is None):
             continue
         material, emitter = shape["material"], shape.get("emitter", BLACK)

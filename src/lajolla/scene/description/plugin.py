@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias, TypeVar
 
@@ -150,6 +151,12 @@ class Plugin:
     children: tuple[str, ...] = ()
     model: str = ""  # the core model that it makes, whose fields it shares
     hidden: tuple[str, ...] = ()  # fields of the model that scenes do not set
+    in_runs: bool = False  # `build` takes columns of values as well
+
+    @cached_property
+    def by_name(self) -> Mapping[str, Field]:
+        """The fields by their names."""
+        return {field.name: field for field in self.fields}
 
     def with_model(self, schema: Schema) -> Plugin:
         """The same plugin with the fields of its core model before its own, and its doc if it has none."""
@@ -158,7 +165,7 @@ class Plugin:
         shared = fields_of(schema, kind, self.model) if self.model else ()
         own = {f.name for f in self.fields}
         kept = [f for f in shared if f.name not in own and f.name not in self.hidden]
-        return Plugin(self.kind, self.name, doc, (*kept, *self.fields), self.build, self.children, self.model)
+        return replace(self, doc=doc, fields=(*kept, *self.fields), hidden=())
 
     def described(self) -> dict[str, Any]:
         """The plugin in the form of `_core.schema()`."""

@@ -18,7 +18,8 @@ from ..syntax.errors import SceneError, did_you_mean, reason_of
 from ..syntax.files import find_file
 from ..syntax.foreign import is_mesh, type_name
 from ..syntax.literals import Text, parse_numbers
-from ..syntax.nodes import Array, Blackbody, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
+from ..syntax.members import Irregular
+from ..syntax.nodes import Array, Blackbody, Column, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
 from ..syntax.transforms import checked_matrix
 from .bounds import bounds_of, within
 from .plugin import Colour, Constant, Context, Use
@@ -48,6 +49,30 @@ def convert(context: Context, owner: Node, prop: Property, field: Field) -> Any:
     if isinstance(value, tuple) and not all(map(math.isfinite, value)):
         raise SceneError(f'"{prop.name}" of {owner} must be finite', prop.location)
     return value
+
+
+def convert_column(prop: Property, field: Field) -> Column:
+    """The values of a run as a field of that type.
+
+    Raises:
+        Irregular: one of them is of another type or out of range, or the type has no columns.
+    """
+    column, (low, high) = prop.value, _limits(field)
+    assert isinstance(column, Column)
+    rows = column.rows
+    shape = rows.shape[1:]
+    if field.type == "transform" and shape == (4, 4) and field.name != "to_uv":
+        return column  # checked when it was read
+    if field.type == "vector" and shape == (3,):
+        return column
+    number = shape == () and field.type in ("float", "texture_float", "texture_spectrum", "spectrum")
+    colour = shape == (3,) and field.type in ("texture_spectrum", "spectrum")
+    low = max(low, 0.0) if colour else low
+    if not (number or colour) or not np.all((rows >= low) & (rows <= high)):
+        raise Irregular
+    if colour:
+        return Column(rows + 0.0)  # no negative zeros, as of single colours
+    return Column(np.repeat(rows[:, None], 3, axis=1)) if "spectrum" in field.type else column
 
 
 def _float(context: Context, owner: Node, prop: Property, field: Field) -> Use | float | None:

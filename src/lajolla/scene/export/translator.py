@@ -24,7 +24,7 @@ from ..description.instances import Contents
 from ..description.plugin import Entry, Part, Plugin, Values, is_child
 from ..description.plugins import colours
 from ..description.plugins.textures import decode, is_alpha
-from ..formats.images import FLOAT_RGB, Pixels, is_integer_file, read_pixels
+from ..formats.images import FLOAT_RGB, Pixels, read_pixels
 from ..formats.ply import ply_bytes
 from ..schema import Field
 from ..syntax.files import MissingFile, file_bytes
@@ -248,8 +248,8 @@ class Translator:
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
         """Packs a bitmap's pixels as linear floating-point numbers; the name of the file."""
         place = node.property_location("filename")
-        pixels = read_pixels(self._file_of(node), place, self.pictures, channel, pixel=FLOAT_RGB)
-        encoded = is_integer_file(self._file_of(node))
+        path = self._file_of(node)
+        pixels, encoded = read_pixels(path, place, self.pictures, channel, pixel=FLOAT_RGB)
         linear = decode(pixels, 1.0 if is_alpha(channel) else gamma) if encoded else pixels
         return self.pack(".exr", np.broadcast_to(linear, (*linear.shape[:2], 3)))
 
@@ -292,7 +292,7 @@ class Translator:
         if isinstance(entry, list):
             parts = [part for part in entry if isinstance(part, Part)]
             return [self._packed(having_bsdf(result, self._part_bsdf(part)), part.entry) for part in parts]
-        if not isinstance(entry, dict):
+        if not isinstance(entry, dict) or _is_empty(entry):
             return []
         if plugin.name in HAS["shape"].split() and not self._must_pack(result, entry):
             return [
@@ -317,8 +317,17 @@ class Translator:
             if self.pack_all or indexed or node.find("max_smooth_angle") is not None:
                 return True
             mesh = entry["mesh"]
-            return mesh.concave or not reads_alike(self._file_of(node), node.plugin, len(mesh.faces))
+            coloured = node.plugin != "ply" and bool(
+                mesh.attributes
+            )  # which Mitsuba reads of PLY files alone
+            alike = reads_alike(self._file_of(node), node.plugin, len(mesh.faces))
+            return mesh.mended or coloured or not alike
         return node.plugin in ("sphere", "cylinder") and entry["type"] == "mesh"
+
+
+def _is_empty(entry: Entry) -> bool:
+    """Whether a shape is a mesh without faces, which Mitsuba 3 refuses."""
+    return entry["type"] == "mesh" and len(entry["mesh"].faces) == 0
 
 
 def _first_camera_first(root: Node) -> list[Property]:
@@ -354,10 +363,13 @@ def _has_use(node: Node, prop: Property) -> bool:
     child = prop.value
     if not isinstance(child, Node):
         return True
+    if child.kind == "subsurface":
+        return False
     if node.kind == "scene" and child.kind in ("integrator", "sensor"):
         return child in node.outermost(child.kind)
-    if node.kind == "scene":
-        return child.kind != "emitter" or child.plugin.lower() != "area"
+    if node.kind == "scene":  # lights of shapes, and constants, are written where they are used
+        elsewhere = {"emitter": ("area",), "texture": CONSTANTS}.get(child.kind, ())
+        return child.plugin.lower() not in elsewhere
     if node.kind != "shape" or child.kind not in ("emitter", "medium"):
         return True
     if child.kind == "medium":

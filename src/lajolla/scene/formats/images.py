@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +19,17 @@ FLOAT_RGB = 12  # bytes
 STORED = {"uint8": ("uint8", 1), "half": ("half", 2)}  # and bytes; anything else is read as float32
 
 
+class Stored(NamedTuple):
+    """The pixels of a file, and whether it holds integers, which are sRGB-encoded unless the scene says
+    otherwise."""
+
+    pixels: Pixels
+    is_integer: bool
+
+
 def read_pixels(
     path: Path, location: Location, budget: Budget, channel: str = "", *, pixel: int = 0
-) -> Pixels:
+) -> Stored:
     """Reads a picture; colours as encoded in the file, alpha dropped and not multiplied in.
 
     Args:
@@ -45,20 +54,17 @@ def read_pixels(
             if spec.get_string_attribute("jpeg:ColorSpace") in ("CMYK", "YCbCrK"):
                 raise PictureError("its colours are CMYK; convert it to RGB")
             wanted = _channels(channel_names(spec), channel)
-            stored, size = STORED.get(str(spec.format), ("float", 4))
+            written = str(spec.format)
+            stored, size = STORED.get(written, ("float", 4))
             budget.spend(path, spec.width * spec.height * max(len(wanted) * size, pixel))
             pixels = source.read_image(0, 0, 0, spec.nchannels, stored)
             if pixels is None:
                 raise PictureError(reason(source))
     except PictureError as problem:
         raise SceneError(f'"{path}" cannot be used as an image: {problem}', location) from None
-    return np.ascontiguousarray(pixels[:, :, wanted])
-
-
-def is_integer_file(path: Path) -> bool:
-    """Whether a picture's file holds integers, which are sRGB-encoded unless the scene says otherwise."""
-    with opened(path) as source:
-        return str(source.spec().format).startswith(("uint", "int"))
+    if wanted != list(range(pixels.shape[2])):
+        pixels = np.ascontiguousarray(pixels[:, :, wanted])
+    return Stored(pixels, written.startswith(("uint", "int")))
 
 
 def _channels(names: list[str], channel: str) -> list[int]:

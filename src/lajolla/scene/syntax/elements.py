@@ -5,46 +5,20 @@ from __future__ import annotations
 import codecs
 import re
 import xml.parsers.expat
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from pathlib import Path
 
+from .element import Element
 from .errors import Diagnostics, Location, SceneError, Source
 from .files import file_bytes
+from .members import Run
 from .nodes import KINDS
+from .runs import add_to_run, extend_run
 
 ROOTS = (*KINDS, "camera", "luminaire")  # elements with which files begin, those of old ones too
 MAX_DEPTH = 64  # real scenes nest less than ten deep
-
-
-@dataclass(eq=False)
-class Element:
-    """One XML element with its attributes as written."""
-
-    tag: str
-    attributes: dict[str, str]
-    location: Location
-    children: list[Element] = field(default_factory=list)
-    places: dict[bytes, int] = field(default_factory=dict)  # of attributes, once they are asked for
-
-    def at(self, attribute: str) -> Location:
-        """The place of an attribute's value; that of the element when the attribute is absent."""
-        if not self.places:
-            self.places = dict(_attribute_places(self.location.source.data, self.location.offset))
-        offset = self.places.get(attribute.encode())
-        return Location(self.location.source, offset) if offset else self.location
-
-
-# An attribute with its value in quotes, or the end of a tag.
-IN_TAG = re.compile(rb"""(?<=\s)([^\s"'=<>]+)\s*=\s*("[^"]*"|'[^']*')|>""")
-
-
-def _attribute_places(data: bytes, start: int) -> Iterator[tuple[bytes, int]]:
-    """The attributes of the tag that starts there, each with the place of its value."""
-    for found in IN_TAG.finditer(data, start):
-        if not found.group(1):
-            return
-        yield found.group(1), found.start(2) + 1
+CHUNK = 1 << 14  # bytes that are parsed at once, and as many more as the shape takes that begins there
+END_OF_SHAPE = b"</shape>"
 
 
 def read_source(path: Path, diagnostics: Diagnostics, data: bytes | None = None) -> Source:
@@ -95,39 +69,81 @@ def _encoding(data: bytes) -> str | None:
     return None if name in ("", "utf-8", "utf8") else name
 
 
-def parse_xml(source: Source) -> Element:
+def parse_xml(source: Source, *, runs: bool = True) -> Element:
     """Parses a source to its root element.
+
+    Args:
+        source: the text.
+        runs: put shapes that are alike into runs.
 
     Raises:
         SceneError: malformed XML, a document type (hence any entity), or elements nested too deep.
     """
+    document = Element("", {}, source, 0)
+    try:
+        _parse(document, 0, len(source.data), add_to_run if runs else None)
+    finally:  # what is no scene may be anything
+        source.quoted &= bool(document.children) and document.children[0].tag in ROOTS
+    return document.children[0]
+
+
+def parse_member(run: Run, index: int) -> Element:
+    """A member of a run, once more, as an ordinary element."""
+    start, stop = run.span(index)
+    around = Element("", {}, run.source, start)
+    _parse(around, start, stop, None)
+    return around.children[0]
+
+
+class _Done(Exception):
+    """An element has ended, and what follows is not asked for."""
+
+
+def _parse(
+    document: Element, first: int, last: int, fold: Callable[[list[Element], int], None] | None
+) -> None:
+    """Adds what a part of a source holds to an element: one element, with what is in it."""
+    source, data = document.source, document.source.data
+    base = first  # the byte of the source with which the parser's count begins
     parser = xml.parsers.expat.ParserCreate("utf-8")
-    document = Element("", {}, Location(source))
     open_elements = [document]
 
     def here() -> Location:
-        return Location(source, max(0, parser.CurrentByteIndex))
+        return Location(source, base + max(0, parser.CurrentByteIndex))
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         if len(open_elements) > MAX_DEPTH:
             raise SceneError(f"elements are nested more than {MAX_DEPTH} deep", here())
-        element = Element(tag, attributes, here())
+        element = Element(tag, attributes, source, base + parser.CurrentByteIndex)
         open_elements[-1].children.append(element)
         open_elements.append(element)
+
+    def end(tag: str) -> None:
+        open_elements.pop()
+        if tag == "shape" and fold is not None:
+            fold(open_elements[-1].children, base + parser.CurrentByteIndex)
+        if len(open_elements) == 1 and last < len(data):
+            raise _Done
 
     def refuse_doctype(*_: object) -> None:
         raise SceneError("a document type is not allowed in a scene (entities are refused)", here())
 
     parser.StartElementHandler = start
-    parser.EndElementHandler = lambda _: open_elements.pop()
+    parser.EndElementHandler = end
     parser.StartDoctypeDeclHandler = refuse_doctype
     try:
-        try:
-            parser.Parse(source.data, True)
-        finally:  # what is no scene may be anything
-            source.quoted &= bool(document.children) and document.children[0].tag in ROOTS
+        at = first
+        while at < last:
+            end_of_shape = data.find(END_OF_SHAPE, at + CHUNK, last)
+            cut = last if end_of_shape < 0 else end_of_shape + len(END_OF_SHAPE)
+            parser.Parse(data[at:cut], False)
+            siblings = open_elements[-1].children
+            at = extend_run(siblings[-1], cut) if siblings and fold is not None else cut
+            base += at - cut
+        parser.Parse(b"", True)
+    except _Done:
+        pass
     except xml.parsers.expat.ExpatError as problem:
         reason = xml.parsers.expat.errors.messages.get(problem.code, "malformed")
-        offset = min(max(0, parser.ErrorByteIndex), len(source.data))
+        offset = min(max(0, base + parser.ErrorByteIndex), len(source.data))
         raise SceneError(f"not valid XML: {reason}", Location(source, offset)) from None
-    return document.children[0]

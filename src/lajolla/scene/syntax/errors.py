@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 from lajolla.messages import LajollaWarning
 
 EXCERPT_WIDTH = 100
 MOST_WARNINGS = 1000  # that differ
 LONGEST_NAME = 64  # of what is compared with names that there are
+
+# An attribute with its value in quotes, or the end of a tag.
+IN_TAG = re.compile(rb"""(?<=\s)([^\s"'=<>]+)\s*=\s*("[^"]*"|'[^']*')|>""")
 
 
 @dataclass(eq=False)
@@ -30,13 +35,30 @@ class Source:
     quoted: bool = True
 
 
-@dataclass(frozen=True)
-class Location:
-    """A place in a scene file (`source` and byte `offset`), or the path of a key in a scene dict (`key`)."""
+class Location(NamedTuple):
+    """A place in a scene file, or the path of a key in a scene dict (`key`).
+
+    In a file it is the byte at `start`, or the value of an attribute of the tag that starts there: where that
+    is will only be looked for when a message needs it.
+    """
 
     source: Source
-    offset: int = 0
+    start: int = 0
     key: str = ""
+    attribute: str = ""
+
+    @property
+    def offset(self) -> int:
+        """The byte, counted from zero."""
+        if not self.attribute:
+            return self.start
+        wanted = self.attribute.encode()
+        for found in IN_TAG.finditer(self.source.data, self.start):
+            if not found.group(1):
+                break
+            if found.group(1) == wanted:
+                return found.start(2) + 1
+        return self.start
 
     @property
     def line(self) -> int:
@@ -152,21 +174,21 @@ class Diagnostics:
     collected: dict[str, SceneWarning] = field(default_factory=dict)
     suppressed: int = 0  # beyond MOST_WARNINGS
 
-    def warn(self, message: str, location: Location | None = None) -> None:
-        """Adds a warning about something that is not rendered as written."""
+    def warn(self, message: str, location: Location | None = None, count: int = 1) -> None:
+        """Notes something that is rendered in another way than the file might suggest, so many times."""
         known = self.collected.get(message)
         if known:
-            known.count += 1
+            known.count += count
         elif len(self.collected) >= MOST_WARNINGS:
-            self.suppressed += 1
+            self.suppressed += count
         else:
-            self.collected[message] = SceneWarning(message, location)
+            self.collected[message] = SceneWarning(message, location, count)
 
-    def unknown(self, message: str, location: Location | None = None) -> None:
+    def unknown(self, message: str, location: Location | None = None, count: int = 1) -> None:
         """Notes an unknown name: a warning, or an error when strict."""
         if self.strict:
             raise SceneError(message, location)
-        self.warn(message, location)
+        self.warn(message, location, count)
 
     @property
     def warnings(self) -> list[SceneWarning]:

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
-from .elements import Element, parse_xml, read_source
+from .element import Element
+from .elements import parse_xml, read_source
 from .errors import Diagnostics, SceneError, Source, did_you_mean
 from .files import find_file
 
@@ -20,6 +21,7 @@ REPEATED_RATIO = 16  # and so many more for each byte that is included for the f
 MAX_FILLED = 1_000_000  # characters; defaults that double each other would fill the memory otherwise
 LATEST = (3, 0, 0)
 ORDINARY = "[A-Za-z0-9_]+"  # names of parameters
+TO_EXPAND = re.compile(rb"""\$|<(?:default|include|path|null)\b|\stype\s*=\s*(?:"\s*"|'\s*')""")
 MOST_HINTS = 256  # names that are compared with one that is missing
 
 
@@ -47,6 +49,7 @@ def expand_file(
     *,
     data: bytes | None = None,
     required_names: Container[str] = (),
+    runs: bool = True,
 ) -> Document:
     """Reads a scene file, and all that it includes, with parameters filled in.
 
@@ -55,12 +58,13 @@ def expand_file(
         parameters: values for `$name`; they win over the file's own defaults.
         data: what is in the file, where it need not be opened.
         required_names: of parameters that the scene must have; others are warned about.
+        runs: put shapes that are alike into runs.
 
     Raises:
         SceneError: a file is missing or malformed, or includes itself.
         UnknownParameter: the scene does not have one that it must have.
     """
-    expander = _Expander(dict(parameters), diagnostics, path.parent)
+    expander = _Expander(dict(parameters), diagnostics, path.parent, runs)
     root = expander.file(path, [], None, data)
     for name in sorted(set(parameters) - expander.used):
         known = expander.used | expander.defaults.keys()
@@ -75,6 +79,7 @@ class _Expander:
     parameters: dict[str, str]
     diagnostics: Diagnostics
     root_folder: Path
+    runs: bool
     defaults: dict[str, str] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
     search_paths: list[Path] = field(default_factory=list)
@@ -94,11 +99,16 @@ class _Expander:
     ) -> Element:
         source = read_source(path, self.diagnostics, data)
         source.quoted = parent is None or self._is_own(path)
-        root = parse_xml(source)
+        root = parse_xml(source, runs=self.runs)
         source.version = _version(root, source, parent, self.diagnostics)
         stack = [*including, path.resolve()]
         self._substitute(root)
-        root.children = [c for child in root.children for c in self._expand(child, stack)]
+        ends = [*(child.start for child in root.children[1:]), len(source.data)]
+        root.children = [
+            whole
+            for child, end in zip(root.children, ends, strict=True)
+            for whole in ([child] if _is_whole(child, end) else self._expand(child, stack))
+        ]
         return root
 
     def _is_own(self, path: Path) -> bool:
@@ -108,6 +118,9 @@ class _Expander:
 
     def _expand(self, element: Element, including: list[Path]) -> Iterator[Element]:
         """The replacement of `element`: nothing, itself, or the content of an included file."""
+        if element.run is not None:
+            yield element
+            return
         if not self._substitute(element):
             return
         if element.tag == "default":
@@ -128,7 +141,7 @@ class _Expander:
         if len(including) > MAX_INCLUDES:
             raise SceneError(f"files are included more than {MAX_INCLUDES} deep", element.location)
         self._count(path, element)
-        root = self.file(path, including, element.location.source)
+        root = self.file(path, including, element.source)
         if root.tag == "scene":
             yield from root.children
         else:
@@ -153,7 +166,7 @@ class _Expander:
             raise SceneError(message, element.location)
 
     def _find(self, element: Element, attribute: str) -> Path:
-        folders = [element.location.source.directory, *self.search_paths, self.root_folder]
+        folders = [element.source.directory, *self.search_paths, self.root_folder]
         return find_file(required(element, attribute), folders, element.at(attribute))
 
     def _add_search_path(self, element: Element) -> None:
@@ -228,6 +241,11 @@ class _Expander:
         self.longest = max(self.longest, len(name))
         if not re.fullmatch(ORDINARY, name):
             self.unusual.add(name)
+
+
+def _is_whole(element: Element, end: int) -> bool:
+    """Whether nothing stands for anything else in what begins with an element; runs are always so."""
+    return element.run is not None or TO_EXPAND.search(element.source.data, element.start, end) is None
 
 
 @lru_cache(64)

@@ -36,6 +36,12 @@ class MissingFile(SceneError):
     """A file of a scene does not exist."""
 
 
+def identity(path: Path) -> tuple[int, int]:
+    """What tells a file from others, by whatever path it is reached."""
+    status = path.stat()
+    return status.st_dev, status.st_ino
+
+
 def find_file(name: str, directories: Iterable[Path], location: Location) -> Path:
     """Finds a file by its name in a scene: relative to one of the folders, with either slash, in any case.
 
@@ -45,6 +51,9 @@ def find_file(name: str, directories: Iterable[Path], location: Location) -> Pat
         MissingFile: nothing is there; the message lists the folders that were searched.
     """
     wanted = name.replace("\\", "/")
+    directories = list(directories)
+    if directories and wanted.strip() and os.path.exists(usual := os.path.join(directories[0], wanted)):
+        return Path(usual)
     searched = list(dict.fromkeys([*directories, Path()]))
     if not wanted.strip() or "\0" in wanted:
         raise SceneError("a file name is expected", location)
@@ -68,7 +77,7 @@ def _spellings(name: str) -> list[str]:
 def _in_any_case(path: Path) -> Path | None:
     """The path itself if it exists, else what differs from it in case only."""
     try:
-        if path.exists():
+        if os.path.exists(path):
             return path
         folder = path.parent if path.parent.is_dir() else _in_any_case(path.parent)
         if path.parent == path or folder is None or not folder.is_dir():

@@ -7,10 +7,12 @@ similar ones; transforms a `matrix`; meshes `vertices` and `faces`.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+
+from lajolla.colour import decode_srgb
 
 from .errors import Location, SceneError, reason_of
 
@@ -30,6 +32,8 @@ def plain(value: Any, location: Location) -> Any:  # noqa: ANN401
     elif isinstance(value, os.PathLike):
         result = os.fsdecode(value)
     elif isinstance(value, Sequence) and not isinstance(value, bytes | bytearray | memoryview):
+        if value and (isinstance(value[0], Mapping) or is_mesh(value[0])):
+            raise SceneError("a list of objects cannot be part of a scene: give each a key", location)
         result = value
     elif any(hasattr(type(value), name) for name in ARRAYS) or isinstance(value, np.generic | memoryview):
         result = _array(value, location)
@@ -44,7 +48,7 @@ def plain(value: Any, location: Location) -> Any:  # noqa: ANN401
     return result.item() if single else result
 
 
-def is_mesh(value: object) -> bool:
+def is_mesh(value: Any) -> bool:  # noqa: ANN401
     """Whether an object of another library is a triangle mesh, such as those of trimesh."""
     return hasattr(value, "vertices") and hasattr(value, "faces") and not isinstance(value, np.ndarray)
 
@@ -59,7 +63,16 @@ def _array(value: Any, location: Location) -> np.ndarray[Any, Any]:  # noqa: ANN
         if getattr(value, "mode", None) in INDIRECT_MODES and hasattr(value, "convert"):
             value = value.convert("RGB")
         lacks_array = not any(hasattr(value, name) for name in ARRAYS[:2]) and hasattr(value, "__dlpack__")
-        return np.from_dlpack(value) if lacks_array else np.asarray(value)
+        array = np.from_dlpack(value) if lacks_array else np.asarray(value)
+        return _encoded_as_usual(array, value)
     except Exception as problem:  # whatever the other library raises
         what = f"the {type_name(value)} cannot become an array"
         raise SceneError(f"{what}: {reason_of(problem)}", location) from None
+
+
+def _encoded_as_usual(array: np.ndarray[Any, Any], picture: object) -> np.ndarray[Any, Any]:
+    """Integers are taken as sRGB and other numbers as linear; where a bitmap says otherwise, linear ones."""
+    is_encoded, is_integer = getattr(picture, "srgb_gamma", None), array.dtype.kind == "u"
+    if not callable(is_encoded) or bool(is_encoded()) == is_integer:
+        return array
+    return array / np.float32(np.iinfo(array.dtype).max) if is_integer else decode_srgb(array)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import TypeAlias, Union
+from typing import Any, TypeAlias, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from .errors import Location
+from .members import Run
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
@@ -69,6 +70,13 @@ class Blackbody:
     scale: float = 1.0
 
 
+@dataclass(frozen=True, eq=False)
+class Column:
+    """Values of the members of a run: numbers (count,), triples (count, 3) or matrices (count, 4, 4)."""
+
+    rows: npt.NDArray[Any]
+
+
 @dataclass(frozen=True)
 class Reference:
     """The object that has this id, anywhere in the scene."""
@@ -78,18 +86,36 @@ class Reference:
 
 # A transform is a 4x4 array; any other object (an image, a mesh) comes from a Python dict only.
 Value: TypeAlias = Union[
-    bool, int, float, str, Vector, Rgb, Spectrum, SpectrumFile, Blackbody, Array, Reference, "Node", object
+    bool,
+    int,
+    float,
+    str,
+    Vector,
+    Rgb,
+    Spectrum,
+    SpectrumFile,
+    Blackbody,
+    Array,
+    Column,
+    Reference,
+    "Node",
+    object,
 ]
 
 
-@dataclass
+@dataclass(slots=True)
 class Property:
-    """A named value of a node. `name` is empty for children that are identified by their kind."""
+    """A named value of a node. `name` is empty for children that are identified by their kind.
+
+    In a run the value is a `Column` where numbers differ; where references do, it is that of the first
+    member, and `members` has those of all.
+    """
 
     name: str
     value: Value
     location: Location  # of the value
     name_location: Location
+    members: list[Reference] | list[Node] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -113,9 +139,12 @@ class Unsaid:
 SINCE_2 = Unsaid()
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, slots=True)
 class Node:
-    """An object of the scene: its kind ("bsdf"), its plugin ("diffuse") and its properties in file order."""
+    """An object of the scene: its kind ("bsdf"), its plugin ("diffuse") and its properties in file order.
+
+    One with a `run` stands for as many objects as that has members.
+    """
 
     kind: str
     plugin: str
@@ -124,6 +153,12 @@ class Node:
     id: str = ""
     properties: list[Property] = field(default_factory=list)
     unsaid: Unsaid = SINCE_2
+    run: Run | None = None
+
+    @property
+    def count(self) -> int:
+        """How many objects it stands for."""
+        return 1 if self.run is None else len(self.run)
 
     def find(self, name: str) -> Property | None:
         """The property of that name; the last one if it was given twice."""
@@ -168,7 +203,8 @@ def below(nodes: Iterable[Node]) -> list[Node]:
     waiting = list(nodes)
     while waiting:
         for prop in waiting.pop().properties:
-            if isinstance(prop.value, Node) and prop.value not in found:
-                found[prop.value] = None
-                waiting.append(prop.value)
+            for value in (prop.value, *prop.members):
+                if isinstance(value, Node) and value not in found:
+                    found[value] = None
+                    waiting.append(value)
     return list(found)

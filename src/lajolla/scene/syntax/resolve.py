@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from .errors import Location, SceneError, did_you_mean
 from .nodes import Node, Reference
-from .typed import Tree
+from .typed import Tree, member_of_run
 
 MAX_NESTING = 64  # objects in objects, references followed
 
@@ -17,14 +17,29 @@ def resolve(tree: Tree) -> None:
     Raises:
         SceneError: an id that is nowhere, or twice; objects that contain themselves.
     """
-    ids = _ids(tree)
+    tree.ids = _ids(tree)
+    follow(tree, tree.ids)
+    heights: dict[Node, int] = {}
+    for node in tree.nodes:
+        _refuse_cycles(node, [], heights)
+
+
+def follow(tree: Tree, ids: Mapping[str, Node]) -> None:
+    """Puts the node that is meant in the place of every reference of a tree.
+
+    Raises:
+        SceneError: an id that is nowhere.
+    """
     for node in tree.nodes:
         for prop in node.properties:
             if isinstance(prop.value, Reference):
                 prop.value = _lookup(prop.value.id, ids, prop.location)
-    heights: dict[Node, int] = {}
-    for node in tree.nodes:
-        _refuse_cycles(node, [], heights)
+            if prop.members:
+                names = [reference.id for reference in prop.members if isinstance(reference, Reference)]
+                missing = next((i for i, name in enumerate(names) if name not in ids), None)
+                if missing is not None:
+                    follow(member_of_run(node, missing), ids)  # which tells where it stands
+                prop.members = [ids[name] for name in names]
 
 
 def _ids(tree: Tree) -> dict[str, Node]:
@@ -76,7 +91,8 @@ def _refuse_cycles(node: Node, trail: list[Node], heights: dict[Node, int]) -> i
         names = " -> ".join(n.id or str(n) for n in circle)
         raise SceneError(f"objects contain each other: {names}", node.location)
     if node not in heights:
-        children = [p.value for p in node.properties if isinstance(p.value, Node)]
+        children = {p.value: None for p in node.properties if isinstance(p.value, Node)}
+        children |= {m: None for p in node.properties for m in p.members if isinstance(m, Node)}
         heights[node] = max(
             (1 + _refuse_cycles(child, [*trail, node], heights) for child in children), default=0
         )

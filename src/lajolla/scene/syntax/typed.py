@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from .elements import Element
+import numpy as np
+
+from .element import Element
+from .elements import parse_member
 from .errors import Diagnostics, Location, SceneError, did_you_mean
 from .expand import required
 from .literals import (
@@ -17,8 +20,9 @@ from .literals import (
     parse_rgb,
     parse_spectrum,
 )
-from .nodes import KINDS, Node, Property, Reference, SpectrumFile, Value, Vector
-from .transforms import parse_transform, parse_xyz
+from .members import Irregular
+from .nodes import KINDS, Column, Node, Property, Reference, Rgb, SpectrumFile, Value, Vector
+from .transforms import parse_numbers_of, parse_transform, parse_xyz, stack_columns
 
 OBJECT_ATTRIBUTES = ("type", "id", "name", "version")
 VALUE_ATTRIBUTES = ("name", "value", "intent")
@@ -27,10 +31,10 @@ ATTRIBUTES = {
     **dict.fromkeys(("float", "integer", "boolean", "string", "rgb", "srgb"), VALUE_ATTRIBUTES),
     **dict.fromkeys(("point", "vector", "translate", "scale"), VECTOR_ATTRIBUTES),
     "spectrum": (*OBJECT_ATTRIBUTES, *VALUE_ATTRIBUTES, "filename"),
-    "blackbody": ("name", "temperature", "scale"),
+    "blackbody": ("name", "temperature", "scale", "multiplier"),
     "rotate": (*VECTOR_ATTRIBUTES, "angle"),
     "matrix": ("value",),
-    "lookat": ("origin", "target", "up"),
+    "lookat": ("origin", "target", "up", *(point + axis for point in "otu" for axis in "xyz")),
     "transform": ("name", "time"),
     "animation": ("name",),
     "ref": ("id", "name"),
@@ -47,6 +51,7 @@ class Tree:
     root: Node
     aliases: list[tuple[str, str, Location]] = field(default_factory=list)
     nodes: list[Node] = field(default_factory=list)
+    ids: Mapping[str, Node] = field(default_factory=dict)  # and aliases, once references are followed
 
 
 def nodes_from_elements(root: Element, diagnostics: Diagnostics) -> Tree:
@@ -57,9 +62,45 @@ def nodes_from_elements(root: Element, diagnostics: Diagnostics) -> Tree:
     """
     tree = Tree(Node("scene", "scene", root.location, root.location))
     tree.nodes.append(tree.root)
+    _add_children(root, tree.root, tree, diagnostics)
+    return tree
+
+
+def _add_children(element: Element, node: Node, tree: Tree, diagnostics: Diagnostics) -> None:
     given: set[str] = set()
-    for child in root.children:
-        _add(child, tree.root, given, tree, diagnostics)
+    for child in element.children:
+        if child.run is None:
+            _add(child, node, given, tree, diagnostics)
+        elif not _add_run(child, node, tree):
+            for index in range(len(child.run)):
+                _add(parse_member(child.run, index), node, given, tree, diagnostics)
+
+
+def _add_run(element: Element, parent: Node, tree: Tree) -> bool:
+    """Adds the first shape of a run for all of them, unless there is something to be told of one."""
+    if "name" in element.attributes:  # one would take the place of the other
+        return False
+    alone, quiet = Tree(parent), Diagnostics(strict=True)
+    own = Node("shape", "", parent.location, parent.location)
+    try:
+        with np.errstate(all="ignore"):
+            _add(element, own, set(), alone, quiet)
+    except (SceneError, Irregular):
+        return False
+    if quiet.collected or any(inside.kind != "bsdf" for inside in alone.nodes[1:]):
+        return False
+    for one in alone.nodes:
+        one.run = element.run
+    parent.properties += own.properties
+    tree.nodes += alone.nodes
+    return True
+
+
+def member_of_run(node: Node, index: int) -> Tree:
+    """One of the shapes for which the node of a run stands, as it is without the run."""
+    assert node.run is not None
+    tree = Tree(Node("scene", "scene", node.location, node.location))
+    _add(parse_member(node.run, index), tree.root, set(), tree, Diagnostics())
     return tree
 
 
@@ -71,9 +112,11 @@ def _add(element: Element, parent: Node, given: set[str], tree: Tree, diagnostic
         tree.aliases.append((required(element, "as"), required(element, "id"), element.at("as")))
         return
     value: Value
+    members: list[Reference] = []
     if tag == "ref":
         value = Reference(required(element, "id"))
         place = element.at("id")
+        members = [Reference(name) for name in element.columns.get("id", ())]
     elif (tag in KINDS and tag != "scene") or (tag == "spectrum" and "type" in element.attributes):
         value = _object("texture" if tag == "spectrum" else tag, element, tree, diagnostics)
         place = element.location
@@ -93,16 +136,14 @@ def _add(element: Element, parent: Node, given: set[str], tree: Tree, diagnostic
         parent.properties = parent.without([name])
     if name:
         given.add(name)
-    parent.properties.append(Property(name, value, place, element.at("name")))
+    parent.properties.append(Property(name, value, place, element.at("name"), members))
 
 
 def _object(kind: str, element: Element, tree: Tree, diagnostics: Diagnostics) -> Node:
     plugin = required(element, "type").strip()
     node = Node(kind, plugin, element.location, element.at("type"), element.attributes.get("id", ""))
     tree.nodes.append(node)
-    given: set[str] = set()
-    for child in element.children:
-        _add(child, node, given, tree, diagnostics)
+    _add_children(element, node, tree, diagnostics)
     return node
 
 
@@ -128,9 +169,25 @@ def _text(element: Element, attribute: str = "value") -> Text:
     return Text(required(element, attribute), element.at(attribute))
 
 
-def _vector(element: Element) -> Vector:
-    x, y, z = parse_xyz(element, 0.0)
-    return Vector((float(x), float(y), float(z)))
+def _float(element: Element) -> float | Column:
+    if not element.columns:
+        return parse_float(_text(element))
+    return Column(parse_numbers_of(element, "value", (1,))[0])
+
+
+def _vector(element: Element) -> Vector | Column:
+    xyz = parse_xyz(element, 0.0)
+    if element.columns:
+        return Column(stack_columns(xyz))
+    x, y, z = map(float, xyz)
+    return Vector((x, y, z))
+
+
+def _rgb(element: Element, *, srgb: bool) -> Rgb | Column:
+    if not element.columns:
+        return parse_rgb(_text(element), srgb=srgb)
+    values = parse_numbers_of(element, "value", (1, 3))
+    return Column(stack_columns(values * 3 if len(values) == 1 else values))
 
 
 def _spectrum(element: Element) -> Value:
@@ -140,7 +197,8 @@ def _spectrum(element: Element) -> Value:
 
 
 def _blackbody(element: Element) -> Value:
-    scale = _text(element, "scale") if "scale" in element.attributes else None
+    factor = "scale" if "scale" in element.attributes else "multiplier"  # which it was before 0.4
+    scale = _text(element, factor) if factor in element.attributes else None
     return parse_blackbody(_text(element, "temperature"), scale)
 
 
@@ -156,14 +214,14 @@ def _animation(element: Element) -> Value:
 
 
 VALUES: dict[str, Callable[[Element], Value]] = {
-    "float": lambda e: parse_float(_text(e)),
+    "float": _float,
     "integer": lambda e: parse_integer(_text(e)),
     "boolean": lambda e: parse_boolean(_text(e)),
     "string": lambda e: required(e, "value"),
     "point": _vector,
     "vector": _vector,
-    "rgb": lambda e: parse_rgb(_text(e), srgb=False),
-    "srgb": lambda e: parse_rgb(_text(e), srgb=True),
+    "rgb": lambda e: _rgb(e, srgb=False),
+    "srgb": lambda e: _rgb(e, srgb=True),
     "spectrum": _spectrum,
     "blackbody": _blackbody,
     "transform": parse_transform,

@@ -8,31 +8,45 @@ import numpy as np
 
 from lajolla import _core
 
-from ...formats.images import FLOAT_RGB, is_integer_file, read_pixels
+from ...formats.images import FLOAT_RGB, Pixels, read_pixels
 from ...schema import Field
+from ...syntax.errors import Location
+from ...syntax.files import identity
 from ...syntax.nodes import Node
 from ..plugin import Context, Entry, Plugin, Values
 from .lenses import LENS, field_of_view, width_per_axis
-from .textures import decode
+from .textures import ARRAYS, decode, pixels_from_python
 
 
 def _envmap(context: Context, node: Node, values: Values) -> Entry:
+    array = pixels_from_python(node, values)
+    if array is not None:
+        image = _panorama(context, *array, "the panorama", node.location)
+        return {"type": "envmap", "image": image, **values}
     values.pop("filename", None)
     path, location = context.find(node)
-    key = ("envmap", path.resolve())
+    key = ("envmap", identity(path))
 
     def read() -> _core.Image:
-        pixels = read_pixels(path, location, context.pictures, pixel=FLOAT_RGB)
-        linear = np.asarray(decode(pixels) if is_integer_file(path) else pixels, np.float32)
-        if not np.all(np.isfinite(linear)) or np.any(linear < 0):
-            context.diagnostics.warn(
-                f'"{path.name}" has pixels that are negative or not finite; they are black', location
-            )
-            linear = np.where(np.isfinite(linear) & (linear >= 0), linear, 0).astype(np.float32)
-        rgb = np.ascontiguousarray(np.broadcast_to(linear, (*linear.shape[:2], 3)))
-        return _core.Image(rgb, srgb=False)
+        pixels, is_integer = read_pixels(path, location, context.pictures, pixel=FLOAT_RGB)
+        return _panorama(context, pixels, is_integer, f'"{path.name}"', location)
 
     return {"type": "envmap", "image": context.once(key, read), **values}
+
+
+def _panorama(
+    context: Context, pixels: Pixels, is_encoded: bool, name: str, location: Location
+) -> _core.Image:
+    """A picture of light: linear, and never negative."""
+    linear = np.asarray(decode(pixels) if is_encoded else pixels, np.float32)
+    if not is_encoded and pixels.dtype == np.uint8:
+        linear = linear / np.float32(255)
+    if not np.all(np.isfinite(linear)) or np.any(linear < 0):
+        message = f"{name} has pixels that are negative or not finite; they are black"
+        context.diagnostics.warn(message, location)
+        linear = np.where(np.isfinite(linear) & (linear >= 0), linear, 0).astype(np.float32)
+    rgb = np.ascontiguousarray(np.broadcast_to(linear, (*linear.shape[:2], 3)))
+    return _core.Image(rgb, srgb=False)
 
 
 def _point(context: Context, node: Node, values: Values) -> Entry:
@@ -89,7 +103,7 @@ PLUGINS = (
         "emitter",
         "envmap",
         "",
-        (FILENAME,),
+        (FILENAME, *ARRAYS),
         _envmap,
         model="envmap",
         hidden=("image", "theta_max"),

@@ -7,7 +7,7 @@ import numpy as np
 from lajolla import _core
 from lajolla.colour import luminance
 
-from ...formats.images import is_integer_file, read_pixels
+from ...formats.images import read_pixels
 from ...schema import CHILDREN, Field
 from ...syntax.errors import SceneError
 from ...syntax.nodes import Array, Node
@@ -42,8 +42,8 @@ def _heightfield(context: Context, node: Node, values: Values) -> Entry:
 def _heights(context: Context, owner: Node) -> Array:
     path, location = context.find(owner)
     raw = owner.find("raw")
-    pixels = read_pixels(path, location, context.pictures, pixel=CELL)
-    if is_integer_file(path) and not (raw and raw.value is True):
+    pixels, is_integer = read_pixels(path, location, context.pictures, pixel=CELL)
+    if is_integer and not (raw and raw.value is True):
         pixels = decode(pixels)
     elif pixels.dtype == np.uint8:
         pixels = np.asarray(pixels, float) / 255

@@ -12,6 +12,7 @@ from ...data.spectra import integrate
 from ...formats.tensors import TensorError, read_tensors
 from ...schema import Field
 from ...syntax.errors import SceneError
+from ...syntax.files import identity
 from ...syntax.nodes import Node
 from ..plugin import Context, Entry, Plugin, Values
 
@@ -32,7 +33,7 @@ MOST_WAVELENGTHS = 1024  # the RGL measures 195
 def _measured(context: Context, node: Node, values: Values) -> Entry:
     values.pop("filename", None)
     path, location = context.find(node)
-    key = ("measured", path.resolve())
+    key = ("measured", identity(path))
 
     def read() -> _core.Measurement:
         try:

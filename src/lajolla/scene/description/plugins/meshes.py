@@ -13,8 +13,10 @@ from lajolla import _core
 from ...formats.mtl import materials_of
 from ...schema import CHILDREN, Field
 from ...syntax.errors import Location, SceneError
+from ...syntax.files import identity
 from ...syntax.names import snake_case
-from ...syntax.nodes import Array, Node
+from ...syntax.nodes import Node
+from ...syntax.transforms import is_even, turns_over
 from ..plugin import Context, Entry, Part, Plugin, Values
 
 Mesh = _core.Mesh
@@ -30,7 +32,7 @@ def _file_shape(loader: str) -> Callable[[Context, Node, Values], Entry | list[P
         options = {k: values.pop(k) for k in LOADING if k in values}
         options.setdefault("flip_tex_coords", loader == "load_obj")
         path, location = context.find(node)
-        key = (loader, path.resolve(), *sorted(options.items()))
+        key = (loader, identity(path), *sorted(options.items()))
         mesh = context.once(key, lambda: _load(context, loader, path, options, location))
         if mesh.face_normals:
             values["face_normals"] = True
@@ -67,17 +69,10 @@ def _with_normals(
     if mesh.normals is not None or values.get("face_normals"):
         return key, mesh
     matrix = np.asarray(values.get("to_world", np.eye(4)), float)
-    if _is_even(matrix):
+    if is_even(matrix, 1e-5) and not turns_over(matrix):  # angles and orientation stay
         matrix = np.eye(4)
     key = (*key, "normals", matrix.tobytes())
     return key, context.once(key, lambda: mesh.with_vertex_normals(matrix.tolist()))
-
-
-def _is_even(matrix: Array) -> bool:
-    """Whether angles and orientation stay."""
-    gram = matrix[:3, :3].T @ matrix[:3, :3]
-    size = np.trace(gram) / 3
-    return bool(np.all(np.abs(gram - size * np.eye(3)) <= 1e-5 * size) and np.linalg.det(matrix[:3, :3]) > 0)
 
 
 def _part(context: Context, key: tuple[Any, ...], mesh: Mesh, first: int, count: int) -> Mesh:
@@ -95,7 +90,7 @@ def _parts(
     if load_materials and all(name for name, _ in bsdfs):
         location = node.property_location("filename")
         names = list(mesh.material_libraries)
-        key = ("materials", path.resolve(), *names)
+        key = ("materials", identity(path), *names)
         library = context.once(key, lambda: materials_of(names, path, location, context.diagnostics))
     parts = [(first, count, _bsdf_of(name, bsdfs, library)) for name, first, count in mesh.groups]
     own = {bsdf for _, bsdf in bsdfs}

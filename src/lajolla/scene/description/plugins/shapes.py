@@ -9,7 +9,9 @@ import numpy as np
 from lajolla import _core
 
 from ...schema import CHILDREN, Field
-from ...syntax.nodes import Array, Node
+from ...syntax.members import Irregular
+from ...syntax.nodes import Array, Column, Node
+from ...syntax.transforms import Truth, is_even, turns_over
 from ..plugin import Context, Entry, Plugin, Values
 from .tessellate import MeshArrays, cube_arrays, cylinder_arrays, frame_around, sphere_arrays
 
@@ -24,12 +26,14 @@ def _round_shape(name: str, arrays: Callable[[Values], MeshArrays]) -> Build:
     """A builder for shapes that the core supports only with uniform scale."""
 
     def build(context: Context, node: Node, values: Values) -> Entry:
-        if name == "sphere" and _mirrors(values) and node.unsaid.mirrored:
+        if name == "sphere" and _agreed(turns_over(_matrices(values))) and node.unsaid.mirrored:
             values["flip_normals"] = not values.get("flip_normals", False)  # as in Mitsuba 3
         if name == "cylinder":
             values = _evened_cylinder(values)
-        if _is_similarity(values.get("to_world", np.eye(4))):
+        if _agreed(is_even(_matrices(values), 1e-4)):
             return {"type": name, **values}
+        if node.run is not None:
+            raise Irregular
         context.diagnostics.warn(
             f"a {name} with non-uniform scale is rendered as a triangle mesh", node.location
         )
@@ -66,19 +70,28 @@ def _evened_cylinder(values: Values) -> Entry:
     return {**values, "p0": (0.0, 0.0, 0.0), "p1": end, "radius": radius, "to_world": to_world}
 
 
-def _mirrors(values: Values) -> bool:
-    return bool(np.linalg.det(np.asarray(values.get("to_world", np.eye(4)))[:3, :3]) < 0)
+def _matrices(values: Values) -> Array:
+    """`to_world`, or that of each member of a run."""
+    matrix = values.get("to_world", np.eye(4))
+    return matrix.rows if isinstance(matrix, Column) else np.asarray(matrix, float)
+
+
+def _agreed(truth: Truth) -> bool:
+    """What is true of one shape, or of all members of a run.
+
+    Raises:
+        Irregular: it is true of some.
+    """
+    if isinstance(truth, bool):
+        return truth
+    if np.any(truth) != np.all(truth):
+        raise Irregular
+    return bool(np.all(truth))
 
 
 def _grouping(name: str) -> Build:
     """A builder for groups and instances; `instances.py` expands them."""
     return lambda context, node, values: {"type": name, **values}
-
-
-def _is_similarity(matrix: Array) -> bool:
-    gram = matrix[:3, :3].T @ matrix[:3, :3]
-    size = np.trace(gram) / 3
-    return bool(np.all(np.abs(gram - size * np.eye(3)) <= 1e-4 * size))
 
 
 IN_SHAPES = CHILDREN["shape"]
@@ -100,10 +113,19 @@ PLUGINS = (
         (TO_WORLD,),
         _grouping("instance"),
         ("shape",),
+        in_runs=True,
     ),
     Plugin("shape", "merge", "The shapes inside.", (), _grouping("merge"), ("shape",)),
     Plugin(
-        "shape", "cube", "The cube from (-1, -1, -1) to (1, 1, 1).", (), _cube, IN_SHAPES, "mesh", ("mesh",)
+        "shape",
+        "cube",
+        "The cube from (-1, -1, -1) to (1, 1, 1).",
+        (),
+        _cube,
+        IN_SHAPES,
+        "mesh",
+        ("mesh",),
+        True,
     ),
     Plugin(
         "shape",
@@ -113,6 +135,7 @@ PLUGINS = (
         _round_shape("sphere", sphere_arrays),
         IN_SHAPES,
         "sphere",
+        in_runs=True,
     ),
     Plugin(
         "shape",

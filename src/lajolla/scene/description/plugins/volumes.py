@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NoReturn
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -10,10 +10,12 @@ import numpy.typing as npt
 from lajolla import _core
 
 from ...data.spectra import blackbody
+from ...formats.hierarchical import read_hierarchical
 from ...formats.volumes import read_voxels
 from ...formats.voxels import VoxelError, Voxels, box_transform
 from ...schema import Field
 from ...syntax.errors import Location, SceneError
+from ...syntax.files import find_file, identity
 from ...syntax.nodes import Array, Blackbody, Node
 from ..plugin import Colour, Context, Entry, Plugin, Values
 
@@ -68,7 +70,7 @@ def load_voxels(context: Context, node: Node, values: Values) -> tuple[Voxels, L
         return Voxels(_from_array(node, arrays[0]), np.eye(4)), node.location
     values.pop("filename", None)
     path, location = context.find(node)
-    key = ("volume", path.resolve(), grid_name)
+    key = ("volume", identity(path), grid_name)
 
     def read() -> Voxels:
         context.reading(path, location)
@@ -114,8 +116,28 @@ def _from_array(node: Node, data: object) -> npt.NDArray[np.generic]:
         raise SceneError(f'"data" of {node} is not an array', node.location) from None
 
 
-def _unsupported(context: Context, node: Node, values: Values) -> NoReturn:
-    raise SceneError(f'{node} is not supported; its data must become one "gridvolume"', node.plugin_location)
+def _hierarchical(context: Context, node: Node, values: Values) -> Entry:
+    for name in ("filename", "prefix", "postfix"):
+        values.pop(name, None)
+    voxels, location = hierarchical_voxels(context, node)
+    values = {"align_corners": True, "wrap_mode": "zero", "use_grid_bbox": True, **values}
+    return _entry(context, node, values, voxels, _finite(context, voxels.values, location))
+
+
+def hierarchical_voxels(context: Context, node: Node) -> tuple[Voxels, Location]:
+    """The voxels of all blocks of a `hgridvolume`, and what to blame for them."""
+    path, location = context.find(node)
+    prefix, postfix = (str(getattr(node.find(name), "value", "")) for name in ("prefix", "postfix"))
+    folders = context.directories(location)
+
+    def file_of(x: int, y: int, z: int) -> Path:
+        return find_file(f"{prefix}{x:03}_{y:03}_{z:03}{postfix}", folders, location)
+
+    try:
+        return read_hierarchical(path, file_of), location
+    except (OSError, MemoryError, VoxelError) as problem:
+        reason = str(problem) or "it does not fit into memory"
+        raise SceneError(f'"{path}" cannot be used as a volume: {reason}', location) from None
 
 
 MAX_KELVIN = 1e6
@@ -129,6 +151,11 @@ FILE = (
     Field("max", "vector", "with min"),
     Field("data", "grid", "from Python: an array (depth, height, width[, 1, 3 or 6]) instead of a file"),
     Field("grid", "grid", "from Python: the same"),
+)
+BLOCKS = (
+    Field("filename", "string", "the list of the blocks"),
+    Field("prefix", "string", "of the names of their files, before XXX_YYY_ZZZ", ""),
+    Field("postfix", "string", "behind it", ""),
 )
 VALUE = Field("value", "spectrum", "the value everywhere", (1.0, 1.0, 1.0))
 TO_WORLD = Field(
@@ -152,5 +179,13 @@ PLUGINS = (
         model="gridvolume",
         hidden=("grid",),
     ),
-    Plugin("volume", "hgridvolume", "Grids within a grid; not supported.", (), _unsupported),
+    Plugin(
+        "volume",
+        "hgridvolume",
+        "Grids within a grid, each a .vol file; they become one.",
+        BLOCKS,
+        _hierarchical,
+        model="gridvolume",
+        hidden=("grid",),
+    ),
 )

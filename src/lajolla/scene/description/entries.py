@@ -1,0 +1,79 @@
+"""The lists of a description, and where their entries come from."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from typing import Any, overload
+
+from ..syntax.errors import Location
+from ..syntax.members import Run
+
+Entry = dict[str, Any]
+
+
+class Entries(Sequence[Entry]):
+    """A list of the description. What is stored with columns of the core is as many as these have rows."""
+
+    def __init__(self) -> None:
+        self.stored: list[Entry] = []
+        self._firsts: list[int] = []  # the index of each that is stored
+        self._length = 0
+
+    def add(self, entry: Entry, count: int = 1) -> int:
+        """Adds one that is so many; the index of the first."""
+        self.stored.append(entry)
+        self._firsts.append(self._length)
+        self._length += count
+        return self._firsts[-1]
+
+    def alike(self) -> Iterator[tuple[int, Entry]]:
+        """Each that is stored, with the index of the first that it is."""
+        return zip(self._firsts, self.stored, strict=True)
+
+    def __len__(self) -> int:
+        return self._length
+
+    @overload
+    def __getitem__(self, index: int) -> Entry: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Entry]: ...
+
+    def __getitem__(self, index: int | slice) -> Entry | list[Entry]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(self._length))]
+        if len(self.stored) == self._length:
+            return self.stored[index]
+        if not 0 <= index < self._length:
+            raise IndexError(index)
+        at = bisect_right(self._firsts, index) - 1
+        return row_of(self.stored[at], index - self._firsts[at])
+
+
+def row_of(entry: Entry, index: int) -> Entry:
+    """One of those that an entry is."""
+    return {name: value.row(index) if hasattr(value, "row") else value for name, value in entry.items()}
+
+
+class Places(dict[str, Location]):
+    """Where the entries of a description come from, by their names: "shapes[3]", "film"."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._runs: list[tuple[str, int, Run, Sequence[int]]] = []
+
+    def add_run(self, where: str, first: int, run: Run, members: Sequence[int]) -> None:
+        """Notes that entries of a list from `first` on come from these members of a run."""
+        self._runs.append((where, first, run, members))
+
+    def find(self, entry: str) -> Location | None:
+        """The place of an entry; None where it has none."""
+        if entry in self:
+            return self[entry]
+        named = re.fullmatch(r"(\w+)\[(\d+)\]", entry)
+        for where, first, run, members in self._runs:
+            if named and where == named[1] and 0 <= int(named[2]) - first < len(members):
+                return Location(run.source, run.starts[members[int(named[2]) - first]])
+        return None

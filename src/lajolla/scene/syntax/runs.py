@@ -1,0 +1,137 @@
+"""Runs: shapes that follow each other and are alike but for numbers and references, read as one.
+
+A scene of a million spheres has few kinds of them. The first of a run stands for all, as an element and later
+as a node, with the numbers of the others in columns. Wherever one of them is out of the ordinary, because
+something is wrong with it or is to be told of it, the run is dissolved: its members are parsed once more and
+read one by one, as if there had been no run.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from .element import Element
+from .errors import Location
+from .members import Run
+
+VECTOR = ("value", "x", "y", "z")
+
+# What may be in a run, with the attributes that may differ.
+COLUMNS: dict[str, tuple[str, ...]] = {
+    "shape": (),
+    "bsdf": (),
+    "transform": (),
+    "boolean": (),
+    "integer": (),
+    "string": (),
+    "float": ("value",),
+    "rgb": ("value",),
+    "point": VECTOR,
+    "vector": VECTOR,
+    "translate": VECTOR,
+    "scale": VECTOR,
+    "rotate": (*VECTOR, "angle"),
+    "matrix": ("value",),
+    "ref": ("id",),
+}
+
+VALUE = rb"""([ !#%(-;=-~]*)"""  # an attribute's, without references, parameters and quotes
+
+
+def add_to_run(siblings: list[Element], end: int) -> None:
+    """Takes the last of some elements, whose end tag starts at `end`, into a run with the one before it."""
+    if len(siblings) < 2:
+        return
+    first, last = siblings[-2:]
+    found: list[tuple[Element, str, str]] = []
+    if not _alike(first, last, found):
+        return
+    data = first.source.data
+    if data.find(b"$", last.start, end) >= 0 or (
+        first.run is None and data.find(b"$", first.start, end) >= 0
+    ):
+        return
+    stop = data.find(b">", end) + 1 or len(data)
+    if first.run is None:
+        first.run = Run(first.source, first.start, stop)
+    run = first.run
+    for element, name, text in found:
+        if name not in element.columns:
+            element.columns = {**element.columns, name: [element.attributes[name]] * len(run)}
+        element.columns[name].append(text)
+    run.starts.append(last.start)
+    first.last = last
+    run.stop = stop
+    siblings.pop()
+
+
+def extend_run(first: Element, end: int) -> int:
+    """Takes the shapes from `end` on that are written as the last one of a run into it; where they end.
+
+    Programs write them alike to the letter but for values, so that nothing is to be parsed.
+    """
+    run, last = first.run, first.last
+    if run is None or last is None or run.stop != end:
+        return end
+    data = first.source.data
+    gap = data[end : data.find(b"<", end)]
+    if gap.strip():
+        return end
+    places = [(name.offset, mine, name.attribute) for mine, name in _values(first, last)]
+    places.sort(key=lambda place: place[0])
+    pattern, at = re.escape(gap) + b"()", last.start
+    for offset, _, _ in places:
+        stop = data.index(data[offset - 1], offset)
+        pattern += re.escape(data[at:offset]) + VALUE
+        at = stop
+    match = re.compile(pattern + re.escape(data[at : run.stop])).match
+    known, rows = len(run), []
+    while found := match(data, end):
+        run.starts.append(found.end(1))
+        rows.append(found.groups()[1:])
+        end = found.end()
+    for (_, mine, name), column in zip(places, zip(*rows, strict=True), strict=False):
+        before = mine.attributes[name]
+        texts = [value.decode() for value in column]
+        if name in mine.columns:
+            mine.columns[name].extend(texts)
+        elif any(text != before for text in texts):
+            mine.columns = {**mine.columns, name: [before] * known + texts}
+    run.stop = end
+    return end
+
+
+def _values(first: Element, last: Element) -> Iterator[tuple[Element, Location]]:
+    """The attributes that may differ: elements of the first of a run, with the places in its last one."""
+    for name in last.attributes:
+        if name in COLUMNS[last.tag]:
+            yield first, last.at(name)
+    for mine, theirs in zip(first.children, last.children, strict=True):
+        yield from _values(mine, theirs)
+
+
+def _alike(first: Element, other: Element, found: list[tuple[Element, str, str]]) -> bool:
+    """Whether an element is like the first of a run; finds the attributes of columns, with their texts."""
+    tag, attributes = first.tag, other.attributes
+    if tag != other.tag or len(first.children) != len(other.children) or tag not in COLUMNS:
+        return False
+    if first.columns or attributes != first.attributes:
+        if attributes.keys() != first.attributes.keys():
+            return False
+        columns = COLUMNS[tag]
+        for name, text in attributes.items():
+            if name in first.columns:
+                found.append((first, name, text))
+            elif text != first.attributes[name]:
+                if name not in columns:
+                    return False
+                found.append((first, name, text))
+    if "type" in attributes and not attributes["type"].strip():
+        return False
+    if "id" in attributes and tag != "ref":
+        return False
+    for mine, theirs in zip(first.children, other.children, strict=True):
+        if mine.run or theirs.run or not _alike(mine, theirs, found):
+            return False
+    return True

@@ -1,0 +1,265 @@
+"""Shapes that are alike are read together: is that what they are one by one?"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import lajolla
+from lajolla import _core
+from lajolla.scene import Description, SceneError, load_description
+from lajolla.scene.description.entries import row_of
+
+HEAD = """<scene version="{version}">
+    <default name="width" value="8"/>
+    <default name="small" value="0.3"/>
+    <integrator type="path"/>
+    <sensor type="perspective">
+        <transform name="to_world"><lookat origin="0, 0, 9" target="0, 0, 0" up="0, 1, 0"/></transform>
+        <film type="hdrfilm"><integer name="width" value="$width"/><integer name="height" value="8"/></film>
+    </sensor>
+    <emitter type="constant"/>
+    <bsdf type="diffuse" id="a"><rgb name="reflectance" value="0.5, 0.3, 0.2"/></bsdf>
+    <bsdf type="roughconductor" id="b"/>
+    <bsdf type="dielectric" id="c"/>
+    <texture type="checkerboard" id="t"/>
+    <shape type="shapegroup" id="g"><shape type="sphere"><ref id="a"/></shape></shape>
+    <shape type="shapegroup" id="h"><shape type="cube"/></shape>
+    <shape type="shapegroup" id="lit">
+        <shape type="sphere"><emitter type="area"><rgb name="radiance" value="2"/></emitter></shape>
+    </shape>
+"""
+
+
+class Writer:
+    """Makes shapes of random numbers; `kinds` are texts with a call in each pair of braces."""
+
+    def __init__(self, seed: int) -> None:
+        self.random = random.Random(seed)
+
+    def number(self, low: float = -2, high: float = 2) -> str:
+        form = self.random.choice(["{:.3f}", "{:g}", "{:.17g}", "{:+.2e}"])
+        return form.format(self.random.uniform(low, high))
+
+    def triple(self, low: float = -2, high: float = 2) -> str:
+        return self.random.choice([", ", " ", ","]).join(self.number(low, high) for _ in range(3))
+
+    def shape(self, kind: str) -> str:
+        values: dict[str, Callable[[], str]] = {
+            "n": self.number,
+            "p": lambda: self.number(0.1, 0.9),
+            "v": self.triple,
+            "c": lambda: self.triple(0, 1),
+            "r": lambda: self.random.choice("ab"),
+            "m": lambda: self.random.choice("abc"),
+            "i": lambda: self.random.choice("gh"),
+            "o": lambda: self.random.choice(["1", "-1"]),
+            "x": lambda: self.random.choice(["0.5", "-0.0", "1.5"]),
+            "d": lambda: self.random.choice(["0.25", "-0.0", "0.5"]),
+            "l": lambda: self.random.choice(["g", "lit"]),
+        }
+        for name, value in values.items():
+            while f"{{{name}}}" in kind:
+                kind = kind.replace(f"{{{name}}}", value(), 1)
+        return kind
+
+
+PLACE = '<transform name="to_world"><translate x="{n}" y="{n}" z="{n}"/></transform>'
+KINDS = (
+    f'<shape type="sphere"><float name="radius" value="{{p}}"/>{PLACE}<ref id="{{r}}"/></shape>',
+    '<shape type="sphere"><point name="center" x="{n}" y="{n}" z="{n}"/><ref id="{m}"/></shape>',
+    '<shape type="sphere"><point name="center" value="{v}"/><float name="radius" value="0.5"/></shape>',
+    '<shape type="sphere"><transform name="to_world"><scale value="{p}"/><rotate x="1" y="{n}" angle="{n}"/>'
+    '<translate value="{v}"/></transform><ref id="a"/></shape>',
+    '<shape type="sphere"><float name="radius" value="{p}"/>'
+    '<bsdf type="diffuse"><rgb name="reflectance" value="{c}"/></bsdf></shape>',
+    '<shape type="sphere"><bsdf type="diffuse"><rgb name="reflectance" value="{d}"/></bsdf></shape>',
+    '<shape type="sphere"><bsdf type="diffuse"><rgb name="reflectance" value="{x}"/></bsdf></shape>',
+    '<shape type="sphere"><bsdf type="roughconductor"><float name="alpha" value="{p}"/></bsdf></shape>',
+    '<shape type="sphere"><bsdf type="twosided"><ref id="{r}"/></bsdf></shape>',
+    '<shape type="sphere"><bsdf type="twosided"><bsdf type="diffuse"/></bsdf>' + PLACE + "</shape>",
+    '<shape type="sphere"><bsdf type="diffuse"><ref name="reflectance" id="t"/></bsdf>' + PLACE + "</shape>",
+    '<shape type="sphere"><transform name="to_world"><scale x="{o}"/></transform></shape>',
+    '<shape type="sphere"><transform name="to_world"><scale x="1.5"/><translate x="{n}"/></transform>'
+    "</shape>",
+    '<shape type="sphere"><float name="radius" value="{p}"/><string name="unknown" value="1"/></shape>',
+    '<shape type="sphere"><float name="radius" value="{p}"/><emitter type="area"/></shape>',
+    '<shape type="sphere"><point name="center" value="{v}"/><float name="radius" value="$small"/></shape>',
+    '<shape type="sphere"><float name="radius" value="{p}"/><float name="radius" value="{p}"/></shape>',
+    f'<shape type="rectangle">{PLACE}<ref id="{{m}}"/></shape>',
+    f'<shape type="disk">{PLACE}<boolean name="flip_normals" value="true"/></shape>',
+    f'<shape type="cube">{PLACE}<ref id="{{r}}"/></shape>',
+    f'<shape type="cylinder"><float name="radius" value="{{p}}"/>{PLACE}</shape>',
+    '<shape type="spere"><float name="radius" value="{p}"/></shape>',
+    '<shape type="sphere"/>',
+    '<shape type="sphere"><transform name="toWorld"><translate x="{n}"/></transform></shape>',
+    '<shape type="instance"><transform name="to_world"><matrix value="1 0 0 {n} 0 1 0 {n} 0 0 1 0 0 0 0 1"/>'
+    '</transform><ref id="g"/></shape>',
+    f'<shape type="instance">{PLACE}<ref id="{{i}}"/></shape>',
+    f'<shape type="instance">{PLACE}<ref id="{{l}}"/></shape>',
+    f'<shape type="instance">{PLACE}<ref id="lit"/></shape>',
+)
+
+
+def scene_of(seed: int) -> str:
+    writer = Writer(seed)
+    parts = []
+    for kind in writer.random.sample(KINDS, 9):
+        gap = writer.random.choice(["", "\n", "\n    ", "<!-- a remark -->\n"])
+        shapes = [writer.shape(kind) for _ in range(writer.random.choice([1, 2, 7, 30]))]
+        if writer.random.random() < 0.3:
+            shapes.insert(len(shapes) // 2, writer.shape(kind).replace("><", "> <"))
+        parts.append(gap.join(shapes))
+    version = writer.random.choice(["3.0.0", "0.6.0"])
+    inner = '<shape type="shapegroup" id="e">' + writer.shape(KINDS[0]) * 3 + "</shape>"
+    inner += 2 * writer.shape(f'<shape type="instance">{PLACE}<ref id="e"/></shape>')
+    return HEAD.format(version=version) + "\n".join([*parts, inner]) + "\n</scene>\n"
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401
+    """A part of a description as numbers, strings and lists of these."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [plain(item) for item in value]
+    if isinstance(value, _core.Mesh):
+        return [value.vertices.tolist(), value.faces.tolist()]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def entries(stored: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """A list of a description without columns."""
+    columns = [[v for v in entry.values() if isinstance(v, _core.Column)] for entry in stored]
+    return [
+        row_of(entry, i)
+        for entry, held in zip(stored, columns, strict=True)
+        for i in range(len(held[0]) if held else 1)
+    ]
+
+
+def whole(description: Description) -> dict[str, Any]:
+    return {k: plain(entries(v) if isinstance(v, list) else v) for k, v in description.core.items()}
+
+
+def both(path: Path) -> tuple[Description, Description]:
+    return load_description(path), load_description(path, runs=False)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_run_is_what_its_members_are(seed: int, tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text(scene_of(seed))
+    together, one_by_one = both(path)
+    assert whole(together) == whole(one_by_one)
+    assert sorted(map(str, together.warnings)) == sorted(map(str, one_by_one.warnings))
+    assert picture(together) == picture(one_by_one)
+
+
+def picture(description: Description) -> bytes:
+    render = _core.Render(_core.Scene(description.core), seed=1)
+    render.add(0, 2)
+    assert render.image().any()
+    return render.image().tobytes()
+
+
+def test_a_run_far_away_is_what_its_members_are(tmp_path: Path) -> None:
+    """Scenes that are far from the origin are moved to it."""
+    path, writer = tmp_path / "scene.xml", Writer(1)
+    there = (
+        HEAD.format(version="3.0.0").replace('"0, 0, 9"', '"1e7, 0, 9"').replace('"0, 0, 0"', '"1e7, 0, 0"')
+    )
+    spheres = "".join(
+        f'<shape type="sphere"><point name="center" x="{1e7 + i % 7 - 3}" y="{i // 7 - 3}" z="0"/>'
+        f'<float name="radius" value="{writer.number(0.2, 0.5)}"/><ref id="{"ab"[i % 2]}"/></shape>'
+        for i in range(49)
+    )
+    path.write_text(f"{there}{spheres}</scene>")
+    together, one_by_one = both(path)
+    assert len(together.core["shapes"]) == 1
+    assert picture(together) == picture(one_by_one)
+
+
+@pytest.mark.parametrize("kind", [0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 17, 18, 19, 24, 25], ids=lambda i: KINDS[i])
+def test_shapes_are_put_together(kind: int, tmp_path: Path) -> None:
+    """What is usual is stored as a whole, beside the groups of instances."""
+    path, writer = tmp_path / "scene.xml", Writer(1)
+    shapes = "\n".join(writer.shape(KINDS[kind]) for _ in range(40))
+    path.write_text(HEAD.format(version="3.0.0") + shapes + "</scene>")
+    core = load_description(path).core
+    where = "instances" if "instance" in KINDS[kind] else "shapes"
+    assert len(core[where]) == 1
+    assert len(entries(core[where])) == 40
+
+
+def test_stretched_shapes_are_not_put_together(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text(HEAD.format(version="3.0.0") + KINDS[12].replace("{n}", "1") * 40 + "</scene>")
+    description = load_description(path)
+    assert len(description.core["shapes"]) == 40
+    assert [warning.count for warning in description.warnings] == [40]
+
+
+MISTAKES = (
+    ('"0.25"', '"abc"', "expected a number"),
+    ('"0.25"', '"-1"', "must be at least 0"),
+    ('"0.25"', '"1e-60"', "radius above zero"),  # the core refuses it
+    ('id="a"', 'id="nowhere"', "no object has the id"),
+    ('x="1"', 'x="1e300"', "not finite"),
+    ('x="1"', 'x="1 2"', "1 number"),
+    ("<translate", "<translte", "is no transformation"),
+)
+
+
+@pytest.mark.parametrize(("right", "wrong", "message"), MISTAKES)
+def test_a_mistake_has_the_place_of_its_member(right: str, wrong: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    shape = KINDS[0].replace("{p}", "0.25").replace("{n}", "1").replace("{r}", "a") + "\n"
+    mistaken = shape.replace(right, wrong, 1)
+    path.write_text(HEAD.format(version="3.0.0") + shape * 50 + mistaken + shape * 50 + "</scene>")
+    told = []
+    for runs in (True, False):
+        with pytest.raises(SceneError, match=message) as refusal:
+            description = load_description(path, runs=runs)
+            try:
+                _core.Scene(description.core)
+            except _core.DescriptionError as problem:
+                raise description.refusal(problem) from None
+        told.append(str(refusal.value))
+    assert told[0] == told[1]
+    line = path.read_text()[: path.read_text().index(mistaken)].count("\n") + 1
+    assert told[0].startswith(f"{path}:{line}:")
+
+
+def test_broken_text_after_a_run_has_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    shape = KINDS[2].replace("{v}", "1, 2, 3") + "\n"
+    path.write_text(HEAD.format(version="3.0.0") + shape * 1000 + "<shape></scene>")
+    with pytest.raises(SceneError, match="mismatched tag") as refusal:
+        load_description(path)
+    assert f"{path}:{HEAD.count(chr(10)) + 1001}:" in str(refusal.value)
+
+
+def test_many_spheres_are_in_the_picture_as_few_are() -> None:
+    """Up to eight spheres are tested by us, more by Embree."""
+    ball = {"type": "sphere", "radius": 0.5, "bsdf": {"type": "diffuse", "reflectance": 0.7}}
+    scene: dict[str, Any] = {
+        "type": "scene",
+        "light": {"type": "constant"},
+        "sensor": {"type": "perspective", "to_world": np.diag([-1.0, 1, -1, 1])},
+    }
+    scene["sensor"]["to_world"][2, 3] = 6.0
+    near = {f"near{i}": {**ball, "center": [i - 1.5, 0.0, 0.0]} for i in range(4)}
+    far = {f"far{i}": {**ball, "center": [100.0 + i, 0.0, 500.0]} for i in range(20)}
+    for field in ("shape_index", "position", "sh_normal"):
+        shown = {**scene, "integrator": {"type": "field", "field": field}}
+        few, many = (
+            np.asarray(lajolla.load_dict(shown | shapes, spp=2, size=(16, 16)).render(seed=1))
+            for shapes in (near, near | far)
+        )
+        assert few.any()
+        np.testing.assert_array_equal(few, many)
