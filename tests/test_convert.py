@@ -253,8 +253,8 @@ TEXTURE = '<texture type="checkerboard"/>'
 SMALL = '<integer name="width" value="8"/><integer name="height" value="8"/>'
 REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is told of it
     "aperture": ('<sensor type="thinlens"><film type="hdrfilm"/></sensor>', ""),
-    "two bsdfs": (CAMERA + SPHERE % (RED + '<bsdf type="dielectric"/>'), "only this one counts"),
-    "unnamed texture": (CAMERA + SPHERE % f'<bsdf type="diffuse">{TEXTURE}</bsdf>', "has no use for"),
+    "two bsdfs": (CAMERA + SPHERE % (RED + '<bsdf type="dielectric"/>'), "only this one is used"),
+    "unnamed texture": (CAMERA + SPHERE % f'<bsdf type="diffuse">{TEXTURE}</bsdf>', "does not support"),
     "colours": (
         CAMERA
         + SPHERE
@@ -322,7 +322,7 @@ REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is t
     ),
     "missing file": (
         CAMERA + SPHERE % '<bsdf type="measured"><string name="filename" value="x.bsdf"/></bsdf>',
-        "is left out",
+        "is ignored",
     ),
 }
 
@@ -568,7 +568,8 @@ COATED = {  # what is inside a coating, and how far Mitsuba's picture may be fro
     "tinted": (f'<rgb name="sigma_a" value="0.1, 0.3, 0.5"/>{RED}', 0.02),
     "checks": ('<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>', 0.05),
     "cut out": (f'<bsdf type="mask"><float name="opacity" value="0.5"/>{RED}</bsdf>', 0.01),
-    "metal": ('<bsdf type="roughconductor"><string name="material" value="Au"/></bsdf>', 0.06),
+    # The warning says 8 %. It was 6 % while Mitsuba's blend of mirrors, which is too dark, made up for some.
+    "metal": ('<bsdf type="roughconductor"><string name="material" value="Au"/></bsdf>', 0.09),
     "glass": ('<bsdf type="dielectric"/>', 0.01),
 }
 
@@ -586,7 +587,7 @@ def test_coatings_stay_as_near_as_they_can(case: str, layer: str, tmp_path: Path
         f'<scene version="3.0.0"><integrator type="path"/>{view}<emitter type="constant"/>{shape}</scene>'
     )
     told = " ".join(warning.message for warning in convert(path, target).warnings)
-    assert f'Mitsuba 3 has no bsdf "{layer}"; ' in told
+    assert f'Mitsuba 3 does not support bsdf "{layer}"; ' in told
     assert cli.main(["convert", str(path), str(target)]) == 0
     mitsuba = pytest.importorskip("mitsuba")
     mitsuba.set_variant(default_variant())
@@ -594,3 +595,25 @@ def test_coatings_stay_as_near_as_they_can(case: str, layer: str, tmp_path: Path
     ours = load(path).render(spp=128).array.mean((0, 1))
     rough = 0.04 if layer == "roughcoating" else 0.0
     assert np.allclose(ours, theirs, rtol=margin + rough), (ours, theirs)
+
+
+@pytest.mark.parametrize("light", ["sky", "lamp"])
+@pytest.mark.parametrize("coat", ["coating", "roughcoating"])
+@pytest.mark.parametrize("base", ["conductor", "roughconductor"])
+def test_coated_metal_is_as_bright_in_mitsuba(base: str, coat: str, light: str, tmp_path: Path) -> None:
+    """Within what the warning says of rough metal; Mitsuba's blends of mirrors lost a tenth under lamps."""
+    mi = pytest.importorskip("mitsuba")
+    lamp = """<shape type="sphere"><point name="center" x="3" y="4" z="5"/>
+        <emitter type="area"><rgb name="radiance" value="30"/></emitter></shape>"""
+    body = f"""<integrator type="path"/><sensor type="perspective"><float name="fov" value="20"/>
+        <transform name="toWorld"><lookat origin="0,0,4" target="0,0,0" up="0,1,0"/></transform>
+        <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/>
+        <rfilter type="box"/></film></sensor>{lamp if light == "lamp" else '<emitter type="constant"/>'}
+        <shape type="sphere"><bsdf type="{coat}"><bsdf type="{base}"/></bsdf></shape>"""
+    source, target = tmp_path / "old.xml", tmp_path / "new.xml"
+    source.write_text(f'<scene version="0.6.0">{body}</scene>')
+    assert cli.main(["convert", str(source), str(target)]) == 0
+    mi.set_variant(default_variant())
+    mean = load(source).render(spp=1024, seed=1).array.mean((0, 1))
+    theirs = np.array(mi.render(mi.load_file(str(target)), spp=1024, seed=1)).mean((0, 1))
+    assert np.all(np.abs(theirs / mean - 1) < (0.05 if base == "conductor" else 0.1)), theirs / mean

@@ -214,7 +214,7 @@ def test_no_sensor_in_an_old_file(tmp_path: Path) -> None:
     distance = 1 / np.tan(np.radians(22.5))
     assert np.allclose(sensor["to_world"][:3, 3], [1, 2, 2 - distance])
     assert sensor["fov"] == 45 and sensor["near_clip"] < distance < sensor["far_clip"]
-    assert "one that sees everything is added" in messages(description, tmp_path)[0]
+    assert "one that sees the whole scene is added" in messages(description, tmp_path)[0]
 
 
 def test_of_several_sensors(tmp_path: Path) -> None:
@@ -359,7 +359,7 @@ def test_a_stretched_sphere_becomes_a_mesh(tmp_path: Path) -> None:
     assert shape(tmp_path, body.format('value="-3"'))["type"] == "sphere"
     stretched = read(tmp_path, body.format('y="3"'))
     assert stretched.core["shapes"][0]["type"] == "mesh"
-    assert "a stretched sphere is rendered as a mesh" in messages(stretched, tmp_path)[0]
+    assert "a sphere with non-uniform scale" in messages(stretched, tmp_path)[0]
 
 
 def test_meshes_are_read_once(tmp_path: Path) -> None:
@@ -439,7 +439,7 @@ SELF["inner"] = SELF  # type: ignore[assignment]
 @pytest.mark.parametrize(
     ("objects", "expected"),
     [
-        ({"s": {"type": "sphre"}}, 'scene[s]: error: there is no plugin "sphre"; did you mean "sphere"?'),
+        ({"s": {"type": "sphre"}}, 'scene[s]: error: unknown plugin "sphre"; did you mean "sphere"?'),
         ({"s": {"radius": 1}}, 'scene[s]: error: a dict needs a "type"'),
         ({"s": {"type": "sphere", "radius": "1"}}, 'scene[s.radius]: error: "radius" of shape "sphere"'),
         ({"s": {"type": "sphere", "center": [np.nan, 0, 0]}}, "must be finite"),
@@ -549,7 +549,7 @@ def test_old_names_do_not_beat_new_ones(tmp_path: Path) -> None:
     )
     description = load_description(path)
     assert description.core["integrator"]["max_depth"] == 5
-    assert 'no use for the property "maxDepth"' in " ".join(w.message for w in description.warnings)
+    assert 'has no property "maxDepth"' in " ".join(w.message for w in description.warnings)
 
 
 def test_old_names_in_dicts(tmp_path: Path) -> None:

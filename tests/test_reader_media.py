@@ -282,7 +282,7 @@ def test_a_medium_without_its_file_is_left_out(tmp_path: Path) -> None:
     body = SHAPE.format('type="heterogeneous">' + GRID.format("sigma_t", "nowhere.vol", ""))
     description = read(tmp_path, body)
     assert description.core["media"] == [] and description.core["shapes"][0]["interior"] == -1
-    assert any("nowhere.vol" in line and "is left out" in line for line in messages(description, tmp_path))
+    assert any("nowhere.vol" in line and "is ignored" in line for line in messages(description, tmp_path))
 
 
 def test_voxels_that_are_not_finite_are_zero(tmp_path: Path) -> None:
@@ -324,7 +324,7 @@ def told(folder: Path, body: str, integrator: str = "volpath", sensor: str = VIE
 
 
 @pytest.mark.parametrize("integrator", ["path", "direct"])
-def test_integrators_that_see_no_media_are_told_once(integrator: str, tmp_path: Path) -> None:
+def test_integrators_that_see_no_media_are_problem_once(integrator: str, tmp_path: Path) -> None:
     ball = f'<shape type="sphere">{CLOUD}</shape>'
     message = f'the integrator "{integrator}" does not see the media of this scene; "volpath" does'
     assert told(tmp_path, ball * 2, integrator) == [message]
@@ -338,7 +338,7 @@ SHAPES = {"cube": AROUND, "sphere": '<point name="center" x="2.5" y="0" z="0"/>'
 @pytest.mark.parametrize("shape", ["cube", "sphere"])
 def test_a_camera_in_a_medium_that_it_does_not_name(shape: str, tmp_path: Path) -> None:
     body = f'<shape type="{shape}">{SHAPES[shape]}{CLOUD}</shape>'
-    expected = 'the camera stands in the medium of this shape, but sensor "perspective" does not name it'
+    expected = 'the camera is inside the medium of this shape, but sensor "perspective" does not name it'
     assert [line.split(", so")[0] for line in told(tmp_path, body)] == [expected]
     assert told(tmp_path, body, sensor=VIEW.format('<medium type="homogeneous"/>')) == []
     outside = f'<shape type="{shape}">{CLOUD}</shape>'

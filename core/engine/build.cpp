@@ -211,7 +211,7 @@ SceneParts read_parts(const Dict &description) {
     SceneParts parts;
     read_looks(description, parts);
     read_places(description, parts);
-    constexpr int most_moves = 3; // from very far away, floats tell the centre only by and by
+    constexpr int most_moves = 3; // from very far away, float32 determines the centre only step by step
     for (int moves = 0; moves < most_moves; ++moves) {
         const auto centre = far_centre(bounds_of(parts));
         if (!centre) break;

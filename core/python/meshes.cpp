@@ -217,7 +217,7 @@ void bind_meshes(nb::module_ &m) {
                 "(material name, first face, number of faces) of an OBJ file's usemtl.")
         .def_ro("material_libraries", &LoadedMesh::material_libraries, "File names of an OBJ file's mtllib.")
         .def("with_smooth_normals", &smoothed, "max_angle_degrees"_a,
-             "A mesh with angle-weighted vertex normals; edges sharper than the angle stay sharp.")
+             "A mesh with angle-weighted vertex normals; edges with a larger angle stay hard.")
         .def("with_vertex_normals", &with_normals, "to_world"_a,
              "A mesh with angle-weighted normals at its vertices, as they are in the world.")
         .def("part", &part, "first_face"_a, "count"_a, "A mesh of consecutive faces.")

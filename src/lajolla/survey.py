@@ -1,4 +1,4 @@
-"""`lajolla check --all`: which scenes below a folder open."""
+"""`lajolla check --all`: opens all scenes below a folder."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CONTENT = re.compile(rb"<(shape|include)\s")
 
 @dataclass(frozen=True)
 class Finding:
-    """What became of one scene file; `error` is the first line of the refusal, empty where it opened."""
+    """Result for one scene file; `error` is the first line of the message, empty if it opened."""
 
     path: Path
     warnings: int = 0

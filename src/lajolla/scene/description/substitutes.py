@@ -1,4 +1,4 @@
-"""What stands in for plugins that the renderer does not have."""
+"""Replacements for unsupported plugins."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ OTHERWISE = {
 
 
 def misspelt(node: Node, available: Iterable[str]) -> str | None:
-    """The name that an unknown one is taken for; integrators and samplers have names that only look alike."""
+    """The name of which an unknown one is a misspelling; integrators and samplers are too alike."""
     if not node.plugin or node.kind in ("integrator", "sampler"):
         return None
     names = {*available, *SUBSTITUTES.get(node.kind, {})}
@@ -84,7 +84,7 @@ def substitute_for(node: Node, available: Iterable[str], nested: Node | None) ->
     return default if default in names else DROPPED
 
 
-def in_words_of_substitute(node: Node) -> list[Property]:
+def for_substitute(node: Node) -> list[Property]:
     """The properties of a plugin that has a substitute, under the names that they have there."""
     plugin = node.plugin.lower()
     if plugin.startswith("prb"):

@@ -1,4 +1,4 @@
-"""Which mesh files Mitsuba 3 reads as they are read here."""
+"""Decides which mesh files Mitsuba 3 reads identically."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOT_READ = re.compile(
 
 
 def reads_alike(path: Path, plugin: str, triangles: int) -> bool:
-    """Whether Mitsuba 3 makes the same of a file.
+    """Whether Mitsuba 3 reads a file identically.
 
     Args:
         plugin: "obj", "ply" or "serialized".

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..description.plugins.daylight import in_words_of_mitsuba3
+from ..description.plugins.daylight import for_mitsuba3
 from ..description.plugins.volumes import hierarchical_voxels, load_voxels
 from ..formats.voxels import vol_bytes
 from ..syntax.nodes import Node, Property, Rgb, Value
@@ -100,7 +100,7 @@ def _renamed(node: Node, plugin: str, *without: str, **values: Value) -> Node:
 
 
 def _map(translation: Translation, read: Node, node: Node) -> Node | None:
-    """The texture under the name that Mitsuba has for it; the reader takes any, and does without."""
+    """The texture under Mitsuba's name; our reader accepts any name, or none."""
     name = "normalmap" if node.plugin == "normalmap" else "map"
     textures = [child for _, child in node.children("texture")]
     given = textures[0] if textures else getattr(node.find(name), "value", None)
@@ -125,7 +125,7 @@ def _two_sided(translation: Translation, read: Node, node: Node) -> Node | None:
 
 
 def _mixture(translation: Translation, read: Node, node: Node) -> Node | None:
-    """A sum of bsdfs as nested pairs; what the weights leave over is black."""
+    """A weighted sum of bsdfs as nested blends; the remaining weight is black."""
     weights = _numbers(node, "weights")
     parts = [part for _, part in node.children("bsdf")][: len(weights)]
     total = max(1.0, sum(weights))
@@ -150,7 +150,7 @@ def holding(node: Node, *children: Value, name: str = "") -> Node:
 
 
 def named(node: Node, name: str) -> Node:
-    """The node under another id; one that has an id already is kept by it."""
+    """The node with this id, unless it already has one."""
     if node.id or not name:
         return node
     return Node(node.kind, node.plugin, node.location, node.plugin_location, name, node.properties)
@@ -158,7 +158,7 @@ def named(node: Node, name: str) -> Node:
 
 def _inner(translation: Translation, read: Node, node: Node) -> Node | None:
     nested = next((child for _, child in node.children(node.kind)), None)
-    translation.replaced(node, f"the {nested} inside it is written" if nested else "it is left out")
+    translation.replaced(node, f"the {nested} inside it is written" if nested else "it is ignored")
     return nested
 
 
@@ -243,7 +243,7 @@ def _bitmap(translation: Translation, read: Node, node: Node) -> Node:
     filter_type = getattr(node.find("filter_type"), "value", "bilinear")
     result = having(node, filter_type="nearest" if filter_type == "nearest" else "bilinear")
     if getattr(node.find("wrap_mode"), "value", "") in ("zero", "one"):
-        translation.warn(node, f"Mitsuba 3 cannot wrap {node} so; its border is repeated")
+        translation.warn(node, f"Mitsuba 3 does not support this wrap mode of {node}; its border is repeated")
         result = having(result, wrap_mode="clamp")
     gamma, channel = getattr(node.find("gamma"), "value", -1.0), getattr(node.find("channel"), "value", "")
     result.properties = result.without(("gamma", "channel", "max_anisotropy"))
@@ -286,7 +286,7 @@ def _sensor(translation: Translation, read: Node, node: Node) -> Node | None:
 
 
 def _without(translation: Translation, node: Node, *names: str) -> Node:
-    """The node without what Mitsuba 3 has no word for, which is warned about."""
+    """The node without properties that Mitsuba 3 does not support, with a warning."""
     translation.lose(*(name for name in names if node.find(name) is not None))
     return _renamed(node, node.plugin, *names)
 
@@ -454,8 +454,8 @@ def _daylight(translation: Translation, read: Node, node: Node) -> Node | None:
     """Sun and sky in the same place; the sky ends at the horizon."""
     values = translation.builder.construction(read).values
     if values.get("extend") or values.get("stretch", 1.0) > 1:
-        translation.warn(node, f"Mitsuba 3 draws no {node} below the horizon")
-    written = in_words_of_mitsuba3(translation.builder, read, values)
+        translation.warn(node, f"Mitsuba 3 does not extend {node} below the horizon")
+    written = for_mitsuba3(translation.builder, read, values)
     empty = Node("emitter", "sunsky", node.location, node.plugin_location, node.id)
     return None if written is None else having(empty, **written)
 

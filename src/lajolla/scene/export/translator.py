@@ -1,4 +1,4 @@
-"""A scene's nodes in the words of Mitsuba 3: the plugins, properties and files that it has.
+"""Translates nodes to plugins, properties and files that Mitsuba 3 supports.
 
 What Mitsuba 3 lacks is replaced by what comes nearest, with a warning, as this renderer does where it lacks
 something itself.
@@ -58,7 +58,7 @@ CONSTANTS = {plugin.name for plugin in colours.PLUGINS}
 
 @dataclass
 class Losses:
-    """What one object is replaced by, if it is, and the names of properties that it loses."""
+    """The replacement of an object, and the names of the properties it loses."""
 
     used: str = ""
     names: list[str] = field(default_factory=list)
@@ -95,7 +95,7 @@ class Translator:
             for child in self._values(root, prop, None, {}) if isinstance(prop.value, Node) else ():
                 if isinstance(child, Node) and child.kind == "emitter" and child.plugin in ENVIRONMENTS:
                     if around is not None:
-                        self.warn(child, f"Mitsuba 3 has one light around a scene; {child} is left out")
+                        self.warn(child, f"Mitsuba 3 supports one environment light; {child} is omitted")
                         continue
                     around = child
                 result.properties.append(Property(prop.name, child, prop.location, prop.name_location))
@@ -109,7 +109,7 @@ class Translator:
         return Property("", self.node(node), root.location, root.location)
 
     def node(self, node: Node) -> Node | None:
-        """The node in Mitsuba 3's words; None when it is left out."""
+        """The node for Mitsuba 3; None if it is omitted."""
         if node not in self.done:
             built = self.builder.construction(node)
             try:
@@ -162,7 +162,7 @@ class Translator:
     def _translate(self, node: Node, built: Construction) -> Node | None:
         plugin = self.builder.plugin(node)
         assert plugin is not None
-        with self._telling(node):
+        with self._reporting(node):
             result = self._properties(node, plugin, built.values)
             adapter = ADAPTERS.get((node.kind, plugin.name))
             if node.kind == "bsdf" and plugin.name in COATS:
@@ -172,8 +172,8 @@ class Translator:
             return result if plugin.name in HAS[node.kind].split() else self.nearest(result)
 
     @contextmanager
-    def _telling(self, node: Node) -> Iterator[None]:
-        """Tells in one warning what becomes of an object, and which of its properties are lost."""
+    def _reporting(self, node: Node) -> Iterator[None]:
+        """Reports in one warning what replaces an object, and which properties it loses."""
         lost = Losses()
         self.losses.append(lost)
         try:
@@ -183,9 +183,9 @@ class Translator:
         names = ", ".join(f'"{name}"' for name in dict.fromkeys(lost.names))
         if lost.used:
             without = f", without {names}" if names else ""
-            self.warn(node, f"Mitsuba 3 has no {node}; {lost.used}{without}")
+            self.warn(node, f"Mitsuba 3 does not support {node}; {lost.used}{without}")
         elif names:
-            self.warn(node, f"Mitsuba 3 has no {names} in {node}: left out")
+            self.warn(node, f"Mitsuba 3 does not support {names} of {node}")
 
     def replaced(self, node: Node, used: str) -> None:
         """Notes what is written for an object whose plugin Mitsuba 3 does not have."""
@@ -230,7 +230,7 @@ class Translator:
         return written
 
     def _fill_copies(self, scene: Node) -> None:
-        """Copies files that the written scene names; of meshes that are packed it does not."""
+        """Copies the files of the written scene, except packed meshes."""
         names = {p.value for node in below([scene]) for p in node.properties if isinstance(p.value, str)}
         for name, path in self.copied.items():
             if name in names:
@@ -239,9 +239,9 @@ class Translator:
                 del self.packed[name]
 
     def nearest(self, node: Node) -> Node | None:
-        """What comes nearest to a plugin that Mitsuba 3 does not have."""
+        """The closest plugin that Mitsuba 3 supports."""
         name = NEAREST.get((node.kind, node.plugin.lower()), OTHERWISE.get(node.kind, ""))
-        self.replaced(node, f'"{name}" is written' if name else "it is left out")
+        self.replaced(node, f'"{name}" is written' if name else "it is ignored")
         if not name:
             return None
         plugin = self.builder.table[node.kind][name]
@@ -251,7 +251,7 @@ class Translator:
         return Node(node.kind, name, node.location, node.plugin_location, node.id, kept)
 
     def warn(self, node: Node, message: str) -> None:
-        """Tells of something that is not written as it was read."""
+        """Reports something that is not written as it was read."""
         self.builder.diagnostics.warn(message, node.location)
 
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
@@ -276,12 +276,12 @@ class Translator:
     # Shapes
 
     def shapes(self, node: Node) -> list[Node]:
-        """A shape under its own name where Mitsuba 3 makes the same of it, else as the meshes that it is."""
+        """The shape itself if Mitsuba 3 treats it identically, else its meshes."""
         if node not in self.made:
             built = self.builder.construction(node)
             known = built.node
             try:
-                with self._telling(known or node):
+                with self._reporting(known or node):
                     self.made[node] = [] if known is None else self._shapes(known, built)
             except MissingFile:  # reading the scene warned of it
                 self.made[node] = []
@@ -349,7 +349,7 @@ def _first_camera_first(root: Node) -> list[Property]:
 
 
 def _counted(node: Node, properties: list[Property]) -> list[Property]:
-    """The properties without the children that are more than their place has use for."""
+    """The properties without surplus children."""
     name = node.plugin.lower()
     kinds = () if name == "mixturebsdf" else COUNTED.get(node.kind, ())
     kinds += ("texture",) if name in MAPS else ()

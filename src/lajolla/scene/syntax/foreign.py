@@ -1,7 +1,7 @@
-"""Objects of other libraries in scene dicts: what they offer by common protocols, or a refusal.
+"""Objects of other libraries in scene dicts, converted by common protocols or rejected.
 
 No library is imported for that. Paths have `__fspath__`; arrays, tensors and pictures `__array__` or one of
-its kin; transforms a `matrix`; meshes `vertices` and `faces`.
+similar ones; transforms a `matrix`; meshes `vertices` and `faces`.
 """
 
 from __future__ import annotations

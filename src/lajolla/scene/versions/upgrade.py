@@ -1,7 +1,7 @@
-"""Files of older versions, in the words of Mitsuba 3.
+"""Files of older versions with the names of Mitsuba 3.
 
-Names change from camelCase to snake_case, `uscale` and its kin become a transform, and defaults that differ
-between versions are written out, so that nothing later asks for a version.
+Names change from camelCase to snake_case, `uscale` and similar ones become a transform, and
+defaults that differ between versions are written out, so that later stages do not depend on the version.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Lights whose place can be written in more than one way."""
+"""Lights with alternative parameters for their position."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _spot(context: Context, node: Node, values: Values) -> Entry:
 
 
 def _projector(context: Context, node: Node, values: Values) -> Entry:
-    """The picture's own shape decides which way it is wide."""
+    """Computes the field of view along x from the picture's aspect ratio."""
     picture = values.get("irradiance")
     entry = context.entry("textures", picture["texture"]) if isinstance(picture, dict) else {}
     if entry.get("type") == "clamped":
@@ -84,9 +84,9 @@ def _projector(context: Context, node: Node, values: Values) -> Entry:
 
 
 def _collimated(context: Context, node: Node, values: Values) -> None:
-    """Left out: the beam has no width, and paths from the camera never meet it."""
+    """Ignored: the beam has zero width, so that paths from the camera cannot hit it."""
     context.diagnostics.unknown(
-        f"{node} is a beam without width, which no path finds; it is left out", node.location
+        f"{node} is a beam of zero width, which no path can hit; it is ignored", node.location
     )
 
 
@@ -106,11 +106,11 @@ PLUGINS = (
         (FILENAME, *ARRAYS),
         _envmap,
         model="envmap",
-        hidden=("image",),
+        hidden=("image", "theta_max"),
     ),
     Plugin("emitter", "point", "", (PLACE,), _point, model="point"),
     Plugin("emitter", "directional", "", (PLACE,), _directional, model="directional"),
     Plugin("emitter", "spot", "", (), _spot, model="spot"),
     Plugin("emitter", "projector", "", LENS, _projector, model="projector", hidden=("aspect",)),
-    Plugin("emitter", "collimated", "A beam without width; it is left out.", BEAM, _collimated),
+    Plugin("emitter", "collimated", "A beam of zero width; it is ignored.", BEAM, _collimated),
 )

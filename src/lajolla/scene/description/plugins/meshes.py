@@ -143,7 +143,7 @@ FLIP_V = "count v from the top"
 SMOOTH = Field(
     "max_smooth_angle",
     "float",
-    "make vertex normals; edges sharper than this stay sharp",
+    "computes vertex normals; edges with a larger angle stay hard",
     None,
     0.0,
     180.0,

@@ -38,7 +38,7 @@ def _bitmap(context: Context, node: Node, values: Values) -> Entry:
 
 
 def is_alpha(channel: str) -> bool:
-    """Whether a channel is coverage, which no file encodes as it does colours."""
+    """Whether a channel is alpha, which is never encoded as sRGB."""
     return channel.lower() == "a"
 
 

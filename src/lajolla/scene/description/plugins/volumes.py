@@ -28,7 +28,7 @@ def _constant(context: Context, node: Node, values: Values) -> Colour:
 
 
 def placement_of(context: Context, volume: Node | None) -> Array:
-    """Where the box of a constant volume is, which may stand inside of another volume."""
+    """The box of a constant volume, which may be inside another volume."""
     while volume is not None:
         prop = volume.find("to_world")
         if prop is not None:
@@ -44,7 +44,7 @@ def _grid_volume(context: Context, node: Node, values: Values) -> Entry:
 
 
 def _blackbody_volume(context: Context, node: Node, values: Values) -> Entry:
-    """Planck's law at every voxel; temperatures between the voxels are not looked at again."""
+    """Planck's law at every voxel; radiance, not temperature, is interpolated."""
     scale = values.pop("scale", 1.0)
     factor, offset = values.pop("temperature_scale", 1.0), values.pop("temperature_offset", 0.0)
     values.setdefault("grid_name", "temperature")
@@ -60,7 +60,7 @@ def _blackbody_volume(context: Context, node: Node, values: Values) -> Entry:
 
 
 def load_voxels(context: Context, node: Node, values: Values) -> tuple[Voxels, Location]:
-    """The voxels of a file, or of an array from Python, and what to blame for them."""
+    """The voxels of a file or an array from Python, and the location for error messages."""
     arrays = [values.pop(name) for name in ("data", "grid") if name in values]
     grid_name = values.pop("grid_name", "density")
     if arrays:
@@ -146,7 +146,7 @@ STEPS = 1024  # of the table of colours over temperatures
 FILE = (
     Field("filename", "string", "a .vol, .nvdb or .vdb file"),
     Field("grid_name", "string", "which grid of a .nvdb or .vdb file", "density"),
-    Field("use_grid_bbox", "boolean", "the box that the file tells, not the unit cube (.vol: off)", False),
+    Field("use_grid_bbox", "boolean", "use the box of the file instead of the unit cube (.vol: off)", False),
     Field("min", "vector", "with max: the box to fill, instead of the unit cube"),
     Field("max", "vector", "with min"),
     Field("data", "grid", "from Python: an array (depth, height, width[, 1, 3 or 6]) instead of a file"),
