@@ -1,10 +1,10 @@
-"""Which public scenes open, here and in the mitsuba package, and whether the pictures have the same mean.
+"""Compares public scenes in lajolla and the mitsuba package: whether they open, and the means of the images.
 
     python bench/compatibility.py [--scenes FOLDER] [--width 64] [--samples 512] [NAME ...] > OUT.md
 
-made docs/compatibility.md. The mitsuba package gets each scene as it is, to see whether it opens, and then
-what `lajolla convert` makes of it, to compare pictures. Both render the same film with paths of at most 8
-segments, without roulette, in 16 independent batches, so that the ratio of the means has a standard error.
+writes docs/compatibility.md. The mitsuba package opens each scene unchanged, and then renders the result of
+`lajolla convert`. Both render the same film with paths of at most 8 segments, without roulette, in 16
+independent batches, so that the ratio of the means has a standard error.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Comparison:
     name: str
     opens: bool  # in the mitsuba package, as it is
     warnings: int  # of ours
-    lost: int  # things that Mitsuba 3 has no words for
+    lost: int  # warnings about what Mitsuba 3 does not support
     ratio: np.ndarray | None = None  # ours to theirs, of each channel's mean
     error: np.ndarray | None = None  # its standard error
     problem: str = ""
@@ -205,11 +205,11 @@ def main() -> None:
 
 HEADER = """# Compatibility
 
-Made by `bench/compatibility.py`. *Opens* tells whether mitsuba {mitsuba} (`{variant}`) opens the file as it
-is; lajolla opens them all. *Warnings* are lajolla's; *lost* counts what Mitsuba 3 has no words for, so that
-`lajolla convert` had to write something else. *Ratio* is the mean of red, green and blue in lajolla's picture
-of the scene to that in Mitsuba's picture of the converted one: {width} pixels wide, {samples} samples per
-pixel, at most 8 segments; *error* is the largest standard error of the three.
+Made by `bench/compatibility.py`. *Opens*: whether mitsuba {mitsuba} (`{variant}`) opens the file unchanged;
+lajolla opens all of them. *Warnings*: number of lajolla's warnings. *Lost*: number of warnings of
+`lajolla convert` about features that Mitsuba 3 does not support. *Ratio*: mean of red, green and blue in
+lajolla's image of the scene, divided by the mean in Mitsuba's image of the converted scene; {width} pixels
+wide, {samples} samples per pixel, at most 8 segments. *Error*: the largest standard error.
 
 | scene | opens | warnings | lost | ratio | error | |
 |---|---|---|---|---|---|---|"""
@@ -217,7 +217,7 @@ pixel, at most 8 segments; *error* is the largest standard error of the three.
 REFERENCES = """
 ## Published references
 
-The ratio of the means (X, Y, Z) to those of the images that Mitsuba publishes with its test scenes.
+Ratios of the means (X, Y, Z) to those of the images that Mitsuba publishes with its test scenes.
 `tests/test_references.py` compares them pixel by pixel.
 
 | scene | ratio |

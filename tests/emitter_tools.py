@@ -195,20 +195,32 @@ def environment_maps() -> list[Lit]:
         "scaled": scaling(2.5) @ rotation((0, 0, 1), 40),
     }
     plain = [environment(name, pixels, np.eye(4)) for name, pixels in images.items()]
-    return plain + [environment(name, images["random"], m, 0.3) for name, m in placements.items()]
+    placed = [environment(name, images["random"], m, 0.3) for name, m in placements.items()]
+    turn = placements["rotated"]
+    partial = [environment(f"to {end}", images["random"], turn, theta_max=end) for end in (40, 90, 135)]
+    return plain + placed + partial
 
 
-def environment(name: str, pixels: np.ndarray, to_world: np.ndarray, scale: float = 1) -> Lit:
+def environment(
+    name: str, pixels: np.ndarray, to_world: np.ndarray, scale: float = 1, theta_max: float = 180
+) -> Lit:
     # power() takes the mean of a cell's corners for its mean: rough where there are but a few rows
-    emitter = {"type": "envmap", "image": _core.Image(pixels), "to_world": to_world, "scale": scale}
-    domain = cells_of_map(pixels.shape[1], pixels.shape[0], to_world)
+    emitter = {
+        "type": "envmap",
+        "image": _core.Image(pixels),
+        "theta_max": theta_max,
+        "to_world": to_world,
+        "scale": scale,
+    }
+    domain = cells_of_map(pixels.shape[1], pixels.shape[0], to_world, theta_max)
     return Lit(f"envmap {name}", emitter, None, ((0, 0, 0),), domain=domain, power_slack=0.5)
 
 
-def cells_of_map(width: int, height: int, to_world: np.ndarray) -> Domain:
+def cells_of_map(width: int, height: int, to_world: np.ndarray, theta_max: float = 180) -> Domain:
     """The sphere cut along the texel centres of a map, between which its density is smooth."""
     rows = to_world[:3, :3].T / np.cbrt(abs(np.linalg.det(to_world[:3, :3])))
-    heights = np.cos(np.pi * np.arange(1, max(height, 2) - 1) / (max(height, 2) - 1))
+    last = max(height, 2) - (1 if theta_max == 180 else 0)
+    heights = np.cos(np.radians(theta_max) * np.arange(1, last) / (max(height, 2) - 1))
     turns = (np.pi - 2 * np.pi * (np.arange(width) + 0.5) / width + np.pi) % (2 * np.pi) - np.pi
     inner = turns[np.abs(turns) < np.pi - 1e-9]
     return turned(sphere(), rows, (tuple(np.sort(heights)), tuple(np.sort(inner))))

@@ -323,8 +323,9 @@ def render_with_lajolla(
     """Renders the restated scene with lajolla, in as many independent parts."""
     import lajolla
 
+    setup = setup or Setup()
     with tempfile.TemporaryDirectory() as folder:
-        scene = lajolla.load(restate(path, Path(folder) / "scene.xml", setup or Setup()))
+        scene = lajolla.load(restate(path, Path(folder) / "scene.xml", setup), sampler=setup.sampler)
     count = os.cpu_count() or 1
     images = [
         np.asarray(scene.render(spp=spp // batches, seed=seed + batch, threads=count).array, dtype=np.float64)

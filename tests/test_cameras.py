@@ -53,7 +53,7 @@ def test_old_files_show_the_last(tmp_path: Path) -> None:
 def test_a_camera_that_is_not_there(asked: str | int, hint: str, tmp_path: Path) -> None:
     with pytest.raises(SceneError) as caught:
         lajolla.load(written(tmp_path, LEFT + MIDDLE + RIGHT), sensor=asked)
-    assert "there is no sensor" in str(caught.value) and hint in str(caught.value)
+    assert "unknown sensor" in str(caught.value) and hint in str(caught.value)
     with pytest.raises(lajolla.OptionError):
         lajolla.load(written(tmp_path, LEFT), sensor=-1)
 
@@ -83,7 +83,7 @@ def test_a_window_of_a_batch_is_left_out(tmp_path: Path) -> None:
     description = load_description(written(tmp_path, windowed.format(VIEW.format("perspective", ""))))
     assert description.core["film"]["crop_offset_x"] == 0
     assert [w.message for w in description.warnings] == [
-        'the window of the film "hdrfilm" of sensor "batch" is left out'
+        'the window of the film "hdrfilm" of sensor "batch" is ignored'
     ]
 
 

@@ -328,7 +328,7 @@ def test_other_methods_are_replaced_with_one_warning(tmp_path: Path) -> None:
             text_of(f'<integrator type="{name}"><integer name="max_depth" value="4"/></integrator>')
         )
         scene = lajolla.load(path)
-        assert [w.message for w in scene.warnings] == [f'there is no integrator "{name}"; "path" is used']
+        assert [w.message for w in scene.warnings] == [f'unknown integrator "{name}"; "path" is used']
 
 
 # --- Integrators that are no path tracers ---------------------------------------------------------

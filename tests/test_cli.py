@@ -106,7 +106,7 @@ def test_an_output_named_twice_is_written_once(capsys: Capture) -> None:
     assert "wrote a.pfm (" in capsys.readouterr().err
 
 
-def test_what_a_format_cannot_hold_is_told_once(capsys: Capture) -> None:
+def test_what_a_format_cannot_hold_is_problem_once(capsys: Capture) -> None:
     assert cli.main("render room.xml -o a.exr -o a.png --half --quiet -D level=1e6".split()) == 0
     error = capsys.readouterr().err
     assert error.startswith("lajolla: warning: a.exr: ")
@@ -132,9 +132,9 @@ def test_pixel(capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("", "which command? There is render, check, convert, compare, list, completion"),
+        ("", "a command is required: render, check, convert, compare, list, completion"),
         ("rendr room.xml", "unknown command 'rendr'; did you mean 'render'?"),
-        ("room.xml", "Perhaps: lajolla render room.xml"),
+        ("room.xml", "did you mean: lajolla render room.xml"),
         ("test", "./lajolla test"),
         ("render", "required: SCENE"),
         ("render room.xml --sp 3", "unknown option '--sp'; did you mean --spp?"),
@@ -160,21 +160,21 @@ def test_pixel(capsys: Capture) -> None:
         ("render room.xml --seed 99999999999", "seed must be in 0 to 4294967295, not 99999999999"),
         ("render room.xml --size 99999999x1", "size must be in 1 to 65536, not 99999999"),
         ("render room.xml --pixel 16,0", "pixel 16,0 is outside of the picture, 16 x 12"),
-        ("render room.xml --integrator pth", "no integrator 'pth'; did you mean 'path'?"),
+        ("render room.xml --integrator pth", "unknown integrator 'pth'; did you mean 'path'?"),
         (
             "render room.xml -o a.psd",
             "a.psd: the format follows from the file's ending, which is one of .exr",
         ),
-        ("render room.xml -o missing/a.exr", "there is no folder"),
-        ("render room.xml --stats missing/s.json", "there is no folder"),
+        ("render room.xml -o missing/a.exr", "does not exist"),
+        ("render room.xml --stats missing/s.json", "does not exist"),
         ("render missing.xml", "missing.xml"),
         ("check missing.xml", "missing.xml"),
         ("compare a.exr room.xml", "a.exr: no such file"),
         ("compare /dev/null room.xml", "/dev/null: not a file"),
         ("compare room.xml room.xml", "room.xml: cannot be read as a picture"),
         ("compare a.exr b.exr --diff d.exr", "PNG, JPEG or the like"),
-        ("list bsfd", "no kind 'bsfd' of plugins; did you mean 'bsdf'?"),
-        ("list bsdf difuse", "no bsdf 'difuse'; did you mean 'diffuse'?"),
+        ("list bsfd", "unknown kind 'bsfd' of plugins; did you mean 'bsdf'?"),
+        ("list bsdf difuse", "unknown bsdf 'difuse'; did you mean 'diffuse'?"),
     ],
 )
 def test_mistakes_get_one_clear_message(words: str, message: str, capsys: Capture) -> None:
@@ -221,6 +221,8 @@ def test_check_all(capsys: Capture) -> None:
         f'<scene version="3.0.0"><include filename="part.xml"/>{sensor}<emitter type="laser"/></scene>'
     )
     (folder / "other.xml").write_text("<robot/>")
+    (folder / "remark.xml").write_text("<?xml version='1.0'?><!-- no <scene> --><!-- at all --><robot/>")
+    (folder / "library.xml").write_text("<COLLADA><scene/></COLLADA>")
     os.mkfifo(folder / "pipe.xml")
     (folder / "folder.xml").mkdir()
     assert cli.main(["check", "--all", "scenes"]) == 0
@@ -235,6 +237,11 @@ def test_check_all(capsys: Capture) -> None:
     ]
     assert cli.main(["check", "--all", "scenes", "--strict"]) == 1
     assert capsys.readouterr().out.splitlines()[2].split()[:2] == ["whole.xml", "no"]
+    (folder / "UTF-16.XML").write_text((folder / "whole.xml").read_text(), "utf-16")
+    (folder / "two\nlines.xml").write_text("<!-- a -->\n<!-- b -->" + (folder / "whole.xml").read_text())
+    cli.main(["check", "--all", "scenes"])
+    rows = [line.split()[:2] for line in capsys.readouterr().out.splitlines()]
+    assert ["UTF-16.XML", "yes"] in rows and ["two\\nlines.xml", "yes"] in rows
     assert cli.main(["check", "--all", "room.xml"]) == 1
     assert "room.xml is no folder" in capsys.readouterr().err
 
@@ -441,7 +448,7 @@ def test_list_shows_what_is_required(capsys: Capture) -> None:
     assert cli.main(["list", "texture", "regular"]) == 0
     assert "830" not in capsys.readouterr().out
     assert cli.main(["list", "sensor", "perspective"]) == 0
-    assert "counts where neither is given" in capsys.readouterr().out
+    assert "default if neither is given" in capsys.readouterr().out
 
 
 # --- for programs
@@ -454,7 +461,7 @@ def test_check_as_json(capsys: Capture) -> None:
     facts = json.loads(captured.out)
     assert (facts["scene"], facts["width"], facts["height"], facts["error"]) == ("room.xml", 16, 12, None)
     assert facts["samples_per_pixel"] == 4 and facts["counts"]["shapes"] == 1 and facts["memory_bytes"] >= 0
-    message = 'there is no shape "spere"; "sphere" is used'
+    message = 'unknown shape "spere"; "sphere" is used'
     place = {"file": "room.xml", "line": 9, "column": 18}
     assert facts["warnings"] == [{"message": message, **place, "count": 1}]
     assert captured.err == ""
@@ -582,7 +589,7 @@ def test_a_format_for_names_without_one() -> None:
 # --- messages
 
 
-def test_warnings_are_told_once(capsys: Capture) -> None:
+def test_warnings_are_problem_once(capsys: Capture) -> None:
     Path("room.xml").write_text(UNKNOWN)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -195,6 +195,15 @@ def converted(content: str, folder: Path) -> tuple[str, list[str]]:
     return text, sorted(told)
 
 
+@pytest.mark.parametrize("kind", ["normalmap", "bumpmap"])
+@pytest.mark.parametrize("name", ["", 'name="normalmap"', 'name="map"', 'name="of any name"'])
+def test_the_texture_of_a_map_may_have_any_name(tmp_path: Path, kind: str, name: str) -> None:
+    texture = f'<texture type="checkerboard" {name}/>'
+    text, told = converted(CAMERA + SPHERE % f'<bsdf type="{kind}">{texture}{RED}</bsdf>', tmp_path)
+    assert f'<texture name="{"map" if kind == "bumpmap" else kind}" type="checkerboard"' in text
+    assert told == ["the scene has no light and is black"]
+
+
 CAMERA = '<sensor type="perspective"><film type="hdrfilm"/></sensor>'
 SPHERE = '<shape type="sphere">%s</shape>'
 RED = '<bsdf type="diffuse"><rgb name="reflectance" value="0.5, 0, 0"/></bsdf>'
@@ -244,8 +253,8 @@ TEXTURE = '<texture type="checkerboard"/>'
 SMALL = '<integer name="width" value="8"/><integer name="height" value="8"/>'
 REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is told of it
     "aperture": ('<sensor type="thinlens"><film type="hdrfilm"/></sensor>', ""),
-    "two bsdfs": (CAMERA + SPHERE % (RED + '<bsdf type="dielectric"/>'), "only this one counts"),
-    "unnamed texture": (CAMERA + SPHERE % f'<bsdf type="diffuse">{TEXTURE}</bsdf>', "has no use for"),
+    "two bsdfs": (CAMERA + SPHERE % (RED + '<bsdf type="dielectric"/>'), "only this one is used"),
+    "unnamed texture": (CAMERA + SPHERE % f'<bsdf type="diffuse">{TEXTURE}</bsdf>', "does not support"),
     "colours": (
         CAMERA
         + SPHERE
@@ -267,6 +276,18 @@ REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is t
     "a flat map": (
         CAMERA + SPHERE % f'<bsdf type="bumpmap"><float name="map" value="1"/>{RED}</bsdf>',
         "",
+    ),
+    "bumps of checks": (
+        CAMERA
+        + SPHERE
+        % f'<bsdf type="bumpmap"><texture type="checkerboard"/><bsdf type="twosided">{RED}</bsdf></bsdf>',
+        "bumps are left out",
+    ),
+    "two-sided glass": (CAMERA + SPHERE % '<bsdf type="twosided"><bsdf type="dielectric"/></bsdf>', "alone"),
+    "a two-sided plate": (CAMERA + SPHERE % '<bsdf type="twosided"><bsdf type="polarizer"/></bsdf>', "alone"),
+    "a stretched view": (
+        CAMERA.replace("<film", '<transform name="to_world"><scale x="2"/></transform><film'),
+        "does not stretch",
     ),
     "a spot of one colour": (
         CAMERA + '<emitter type="spot"><rgb name="texture" value="1 0 0"/></emitter>',
@@ -301,9 +322,26 @@ REFUSED = {  # by mitsuba, if it were written as it is: the scene, and what is t
     ),
     "missing file": (
         CAMERA + SPHERE % '<bsdf type="measured"><string name="filename" value="x.bsdf"/></bsdf>',
-        "is left out",
+        "is ignored",
     ),
 }
+
+
+def test_what_is_not_used_is_not_told_of_twice(tmp_path: Path) -> None:
+    """A colour is written where it is used, and a `subsurface` is left out with its shape's warning."""
+    colour = '<spectrum type="srgb" id="c"><rgb name="color" value="1 0 0"/></spectrum>'
+    red = '<bsdf type="diffuse"><ref name="reflectance" id="c"/></bsdf>'
+    text, told = converted(colour + CAMERA + SPHERE % red, tmp_path)
+    assert "1 0 0" in text and [w for w in told if "texture" in w] == []
+    wax = '<subsurface type="dipole" id="w"/>'
+    _, told = converted(wax + CAMERA + SPHERE % '<ref id="w"/>', tmp_path)
+    assert len([w for w in told if "subsurface" in w]) == 1
+
+
+def test_the_border_of_a_film_stays(tmp_path: Path) -> None:
+    border = '><boolean name="sample_border" value="true"/></film></sensor>'
+    text, _ = converted(CAMERA.replace("/></sensor>", border), tmp_path)
+    assert '<boolean name="sample_border" value="true" />' in text
 
 
 @pytest.mark.parametrize("case", REFUSED)
@@ -469,6 +507,32 @@ MESHES = {  # the file, and whether Mitsuba 3 reads the same
     "an obj": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", True),
     "indices from the end": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n", False),
     "long lines": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 \\\n3\n", False),
+    "whole numbers": (
+        "ply",
+        PLY.format("", "", 2).replace("float", "int") + CORNERS.format("") + TRIANGLES,
+        False,
+    ),
+    "normals without a direction": (
+        "ply",
+        PLY.format("", "".join(f"property float n{axis}\n" for axis in "xyz"), 2)
+        + CORNERS.format(" 0 0 0")
+        + TRIANGLES,
+        False,
+    ),
+    "colours of vertices": ("obj", "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n", False),
+    "a byte order mark": ("obj", "\ufeffv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", False),
+    "single coordinates": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0\nvt 1\nf 1/1 2/2 3/1\n", False),
+    "coordinates of some corners": (
+        "obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 1\nf 1/1 2/1 3/1\nf 3 2 1\n",
+        False,
+    ),
+    "normals of some corners": (
+        "obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\nf 3 2 1\n",
+        False,
+    ),
+    "a vertex that is no number": ("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\n", False),
 }
 
 
@@ -487,6 +551,16 @@ def test_meshes_that_mitsuba_reads_otherwise_are_packed(case: str, tmp_path: Pat
     assert all(np.array_equal(ours.attributes[name], theirs.attributes[name]) for name in ours.attributes)
 
 
+@pytest.mark.parametrize("kind", ["obj", "ply"])
+def test_meshes_without_faces_are_left_out(kind: str, tmp_path: Path) -> None:
+    """Mitsuba 3 refuses them."""
+    content = {"obj": "v 0 0 0\n", "ply": PLY.format("", "", 0) + CORNERS.format("")}[kind]
+    (tmp_path / f"mesh.{kind}").write_text(content)
+    shape = f'<shape type="{kind}"><string name="filename" value="mesh.{kind}"/></shape>'
+    text, _ = converted(CAMERA + shape, tmp_path)
+    assert "<shape" not in text
+
+
 COATED = {  # what is inside a coating, and how far Mitsuba's picture may be from ours
     "diffuse": (RED, 0.01),
     "both sides": (f'<bsdf type="twosided">{RED}</bsdf>', 0.01),
@@ -494,7 +568,8 @@ COATED = {  # what is inside a coating, and how far Mitsuba's picture may be fro
     "tinted": (f'<rgb name="sigma_a" value="0.1, 0.3, 0.5"/>{RED}', 0.02),
     "checks": ('<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>', 0.05),
     "cut out": (f'<bsdf type="mask"><float name="opacity" value="0.5"/>{RED}</bsdf>', 0.01),
-    "metal": ('<bsdf type="roughconductor"><string name="material" value="Au"/></bsdf>', 0.06),
+    # The warning says 8 %. It was 6 % while Mitsuba's blend of mirrors, which is too dark, made up for some.
+    "metal": ('<bsdf type="roughconductor"><string name="material" value="Au"/></bsdf>', 0.09),
     "glass": ('<bsdf type="dielectric"/>', 0.01),
 }
 
@@ -512,7 +587,7 @@ def test_coatings_stay_as_near_as_they_can(case: str, layer: str, tmp_path: Path
         f'<scene version="3.0.0"><integrator type="path"/>{view}<emitter type="constant"/>{shape}</scene>'
     )
     told = " ".join(warning.message for warning in convert(path, target).warnings)
-    assert f'Mitsuba 3 has no bsdf "{layer}"; ' in told
+    assert f'Mitsuba 3 does not support bsdf "{layer}"; ' in told
     assert cli.main(["convert", str(path), str(target)]) == 0
     mitsuba = pytest.importorskip("mitsuba")
     mitsuba.set_variant(default_variant())
@@ -520,3 +595,25 @@ def test_coatings_stay_as_near_as_they_can(case: str, layer: str, tmp_path: Path
     ours = load(path).render(spp=128).array.mean((0, 1))
     rough = 0.04 if layer == "roughcoating" else 0.0
     assert np.allclose(ours, theirs, rtol=margin + rough), (ours, theirs)
+
+
+@pytest.mark.parametrize("light", ["sky", "lamp"])
+@pytest.mark.parametrize("coat", ["coating", "roughcoating"])
+@pytest.mark.parametrize("base", ["conductor", "roughconductor"])
+def test_coated_metal_is_as_bright_in_mitsuba(base: str, coat: str, light: str, tmp_path: Path) -> None:
+    """Within what the warning says of rough metal; Mitsuba's blends of mirrors lost a tenth under lamps."""
+    mi = pytest.importorskip("mitsuba")
+    lamp = """<shape type="sphere"><point name="center" x="3" y="4" z="5"/>
+        <emitter type="area"><rgb name="radiance" value="30"/></emitter></shape>"""
+    body = f"""<integrator type="path"/><sensor type="perspective"><float name="fov" value="20"/>
+        <transform name="toWorld"><lookat origin="0,0,4" target="0,0,0" up="0,1,0"/></transform>
+        <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/>
+        <rfilter type="box"/></film></sensor>{lamp if light == "lamp" else '<emitter type="constant"/>'}
+        <shape type="sphere"><bsdf type="{coat}"><bsdf type="{base}"/></bsdf></shape>"""
+    source, target = tmp_path / "old.xml", tmp_path / "new.xml"
+    source.write_text(f'<scene version="0.6.0">{body}</scene>')
+    assert cli.main(["convert", str(source), str(target)]) == 0
+    mi.set_variant(default_variant())
+    mean = load(source).render(spp=1024, seed=1).array.mean((0, 1))
+    theirs = np.array(mi.render(mi.load_file(str(target)), spp=1024, seed=1)).mean((0, 1))
+    assert np.all(np.abs(theirs / mean - 1) < (0.05 if base == "conductor" else 0.1)), theirs / mean

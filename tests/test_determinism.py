@@ -129,7 +129,7 @@ def overflowing() -> _core.Scene:
     )
 
 
-def test_infinite_samples_are_counted_told_and_replayed() -> None:
+def test_infinite_samples_are_counted_problem_and_replayed() -> None:
     scene, count = overflowing(), 8
     render = _core.Render(scene, SEED)
     assert render.add(0, count, 2)

@@ -196,7 +196,7 @@ def test_hdr_films(tmp_path: Path, kind: str) -> None:
     description = load_description(write(tmp_path, kind, properties))
     assert description.film == Film("luminance", "float16", "pfm")
     told = [warning.message for warning in description.warnings]
-    assert told == (['there is no film "specfilm"; "hdrfilm" is used'] if kind == "specfilm" else [])
+    assert told == (['unknown film "specfilm"; "hdrfilm" is used'] if kind == "specfilm" else [])
 
 
 def test_matrix_films(tmp_path: Path) -> None:
@@ -212,7 +212,7 @@ def test_matrix_films(tmp_path: Path) -> None:
         ("hdrfilm", texts(file_format="rgbe", pixel_format="rgba"), "rgb", 'rgbe files cannot hold "rgba"'),
         ("hdrfilm", texts(file_format="pfm", pixel_format="xyz"), "rgb", 'pfm files cannot hold "xyz"'),
         ("ldrfilm", texts(file_format="jpeg", pixel_format="rgba"), "rgb", 'jpeg files cannot hold "rgba"'),
-        ("hdrfilm", texts(pixel_format="spectrum"), "rgb", "spectra are not rendered"),
+        ("hdrfilm", texts(pixel_format="spectrum"), "rgb", "spectral output is not supported"),
     ],
 )
 def test_what_a_file_cannot_hold(tmp_path: Path, kind: str, properties: str, used: str, told: str) -> None:
@@ -224,7 +224,7 @@ def test_what_a_file_cannot_hold(tmp_path: Path, kind: str, properties: str, use
 @pytest.mark.parametrize(
     ("kind", "properties", "message"),
     [
-        ("hdrfilm", texts(pixel_format="rgbb"), 'no pixel format "rgbb"; did you mean "rgb"'),
+        ("hdrfilm", texts(pixel_format="rgbb"), 'unknown pixel format "rgbb"; did you mean "rgb"'),
         ("hdrfilm", texts(file_format="openexe"), 'did you mean "openexr"'),
         ("hdrfilm", texts(component_format="float64"), '"float64" is no choice'),
         ("hdrfilm", texts(pixel_format="rgb, rgb"), "the number of pixel formats, 2, is not"),

@@ -69,7 +69,7 @@ def test_unknown_ending_names_the_known_ones(tmp_path: Path, name: str) -> None:
 
 
 def test_unusable_folders_are_found_before_rendering(tmp_path: Path) -> None:
-    with pytest.raises(image.ImageError, match="there is no folder"):
+    with pytest.raises(image.ImageError, match="does not exist"):
         image.check_output(tmp_path / "missing" / "a.exr")
     (tmp_path / "b.exr").mkdir()
     with pytest.raises(image.ImageError, match="is a folder"):

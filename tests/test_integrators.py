@@ -319,7 +319,7 @@ def test_sides_of_a_material(sides: Settings, front: float, back: float) -> None
 
 
 def test_transmissive_materials_have_no_back() -> None:
-    """A pane of glass looks the same from both sides, whatever its back says."""
+    """A sheet of glass looks the same from both sides, whatever its back says."""
     for back in (-1, 1):
         for z in (2, -2):
             scene = make_scene(

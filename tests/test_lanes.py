@@ -450,7 +450,7 @@ TREES: dict[str, list[Settings]] = {
     "mask": [{"type": "mask", "opacity": 0.6, "child": 1}],
     "mask by a texture": [{"type": "mask", "opacity": {"texture": 2}, "child": 1}],
     "blend": [{"type": "blendbsdf", "weight": {"texture": 2}, "first": 1, "second": 2}],
-    "blend with a pane": [{"type": "blendbsdf", "weight": 0.4, "first": 3, "second": 2}],
+    "blend with a sheet": [{"type": "blendbsdf", "weight": 0.4, "first": 3, "second": 2}],
     "bumps": [{"type": "bumpmap", "map": {"texture": 2}, "scale": 0.4, "child": 2}],
     "normals": [{"type": "normalmap", "normalmap": {"texture": 1}, "child": 1}],
     "all of them": [
@@ -466,13 +466,17 @@ STRATEGIES = ("mis", "bsdf", "light")
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.parametrize("name", TREES)
 def test_pictures_of_adapters(name: str, strategy: str) -> None:
-    """A ball with a tree of materials in it, before another whose sides differ, and behind a pane."""
-    pane = {"type": "rectangle", "to_world": translation(0.5, -2, 1) @ rotation((1, 0, 0), 70), "material": 3}
+    """A ball with a tree of materials in it, before another whose sides differ, and behind a sheet."""
+    sheet = {
+        "type": "rectangle",
+        "to_world": translation(0.5, -2, 1) @ rotation((1, 0, 0), 70),
+        "material": 3,
+    }
     tree = {"adapter": len(TREES[name]) - 1}
     scene = stage(
         BALL,
         {**BALL, "to_world": translation(1, 1.5, 1), "material": 2},
-        pane,
+        sheet,
         bsdfs=({"type": "diffuse"}, {"type": "roughconductor", "alpha_u": 0.3, "alpha_v": 0.1}, CLEAR),
         adapters=TREES[name],
         materials=({"front": tree, "back": tree}, {"front": tree, "back": 1}, {"front": 3}),
@@ -504,7 +508,7 @@ def test_blends_that_fill_the_picture(leaves: int) -> None:
 @pytest.mark.parametrize("strategy", STRATEGIES)
 def test_settings_of_the_integrator(strategy: str, hide_emitters: bool) -> None:
     """Paths of any length, with roulette from the start or late, among lamps that are hidden or masked."""
-    for max_depth, rr_depth, panes in itertools.product((0, 1, 2, 5, -1), (0, 3), (False, True)):
+    for max_depth, rr_depth, sheets in itertools.product((0, 1, 2, 5, -1), (0, 3), (False, True)):
         scene = stage(
             BALL,
             {"type": "rectangle", "to_world": translation(-1, -1, 1) @ rotation((1, 0, 0), 75), "emitter": 2,
@@ -512,7 +516,7 @@ def test_settings_of_the_integrator(strategy: str, hide_emitters: bool) -> None:
             lights=(*LIT, area([2, 3, 1])),
             bsdfs=({"type": "roughdielectric", "alpha_u": 0.2, "alpha_v": 0.2}, CLEAR),
             adapters=[{"type": "mask", "opacity": 0.5, "child": 0}],
-            materials=({"front": 1}, {"front": {"adapter": 0} if panes else 0}),
+            materials=({"front": 1}, {"front": {"adapter": 0} if sheets else 0}),
             strategy=strategy,
             hide_emitters=hide_emitters,
             max_depth=max_depth,

@@ -122,8 +122,8 @@ def test_obj_names_may_be_latin_1(load: Loader, encoding: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("v 0 0 0\nv 1 nan 0\n", "line 2: the vertex position is not finite"),
-        ("v 0 0 1e39\n", "line 1: the vertex position is not finite"),
+        ("v 0 0 0\nv 1 nan 0\nf 1 1 2\n", "line 3: face: vertex 2 is not finite"),
+        ("v 0 0 1e39\nf 1 1 1\n", "line 2: face: vertex 1 is not finite"),
         ("v 0 0\n", "line 1: vertex position: expected 3 numbers, found 2"),
         ("v 0 0 x1\n", "line 1: vertex position: expected a number, found 'x1'"),
         ("v 0 0 0\n\nf 1 1 2\n", r"line 3: face: there is no vertex 2 \(1 so far\)"),
@@ -277,7 +277,7 @@ def test_concave_polygons_are_cut_within_their_outline(load: Loader, kind: str, 
         face = ("face", ["list int int vertex_indices"], [[list(found)]])
         rows = ("vertex", ["float x", "float y", "float z"], points.tolist())
         mesh = load("ply", ply(kind, rows, face))
-    assert len(mesh.faces) == corners - 2 and mesh.concave
+    assert len(mesh.faces) == corners - 2 and mesh.mended
     outline = points.astype(float)
     whole = np.cross(outline, np.roll(outline, -1, 0)).sum(0) / 2
     p = mesh.vertices[mesh.faces].astype(float)
@@ -291,7 +291,7 @@ def test_odd_polygons_become_fans(load: Loader) -> None:
     for face in ("1 2 3 4", "1 5 2 3 4", "1 2 1 2", "1 1 1 1"):
         mesh = load("obj", f"{square}f {face}\n")
         fan = [[0, i - 1, i] for i in range(2, len(face.split()))]
-        assert not mesh.concave and len(mesh.faces) == len(fan)
+        assert not mesh.mended and len(mesh.faces) == len(fan)
     random = np.random.default_rng(1)
     count = 3000
     lines = [f"v {x} {y} 0" for x, y in random.random((count, 2)).round(4)]
@@ -537,3 +537,21 @@ def test_shared_scenes_agree_with_an_independent_reader(shared_scenes: Path) -> 
             assert (mesh.uvs is not None) == expected.has_vertex_texcoords(), path
             compared += 1
     assert compared > 0
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "serialized"])
+def test_vertices_that_nothing_uses_may_be_no_numbers(load: Loader, kind: str) -> None:
+    """They change neither the surface nor its bounds."""
+    points = np.append(TRIANGLE + np.float32(5), np.full((1, 3), np.nan, np.float32), axis=0)
+    lines = "".join(f"{x} {y} {z}\n" for x, y, z in points)
+    content: str | bytes
+    if kind == "obj":
+        content = "".join(f"v {line}\n" for line in lines.splitlines()) + "f 1 2 3\n"
+    elif kind == "ply":
+        content = HEADER.format("ascii", 4) + FACE_HEADER.format(1) + lines + "3 0 1 2\n"
+    else:
+        content = serialized([serialized_payload(points, RIGHT, "a")], 4)
+    mesh = load(kind, content)
+    check(mesh)
+    np.testing.assert_allclose(mesh.vertices.min(axis=0), TRIANGLE.min(axis=0) + 5)
+    np.testing.assert_allclose(mesh.vertices.max(axis=0), TRIANGLE.max(axis=0) + 5)

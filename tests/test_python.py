@@ -123,7 +123,7 @@ def test_impossible_options(options: dict[str, Any], message: str) -> None:
 def test_parameters_can_be_options() -> None:
     assert lajolla.load("room.xml", level=2).render(spp=1).array[0, 0, 0] == 2
     assert lajolla.load("room.xml", parameters={"level": 3}).render(spp=1).array[0, 0, 0] == 3
-    with pytest.warns(lajolla.SceneWarning, match='parameter "leve" is used nowhere; did you mean "level"'):
+    with pytest.warns(lajolla.SceneWarning, match='parameter "leve" is not used; did you mean "level"'):
         lajolla.load("room.xml", parameters={"leve": 3})
 
 
@@ -167,10 +167,8 @@ def test_warnings_come_with_their_place() -> None:
     assert caught[0].filename == __file__
     (warning,) = scene.warnings
     assert isinstance(warning, lajolla.LajollaWarning)
-    assert (
-        str(warning).splitlines()[0] == 'other.xml:8:18: warning: there is no shape "spere"; "sphere" is used'
-    )
-    assert repr(warning) == '<SceneWarning: there is no shape "spere"; "sphere" is used, at other.xml:8:18>'
+    assert str(warning).splitlines()[0] == 'other.xml:8:18: warning: unknown shape "spere"; "sphere" is used'
+    assert repr(warning) == '<SceneWarning: unknown shape "spere"; "sphere" is used, at other.xml:8:18>'
     assert (warning.location.line, warning.location.column, warning.count) == (8, 18, 1)
     assert "<scene" not in repr(warning.location)
 

@@ -144,3 +144,60 @@ def test_dicts_give_back_light_between_microfacets_and_files_do_not(tmp_path: Pa
     assert not multiscatter(type="roughdielectric", alpha_u=0.4, alpha_v=0.2)
     assert not multiscatter(type="roughdielectric", alpha_u=0.4)
     assert not multiscatter(type="principled")
+
+
+class Bitmap:
+    """What a bitmap of Mitsuba shows of itself."""
+
+    def __init__(self, pixels: np.ndarray, *, encoded: bool) -> None:
+        self.pixels, self.encoded = pixels, encoded
+
+    def __array__(self, *_: object, **__: object) -> np.ndarray:
+        return self.pixels
+
+    def srgb_gamma(self) -> bool:
+        return self.encoded
+
+
+@pytest.mark.parametrize("encoded", [False, True])
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_bitmaps_of_mitsuba_tell_their_encoding(kind: type, encoded: bool) -> None:
+    """128 of 255 is 0.2159 where it is encoded, on surfaces and around the scene."""
+    top = {np.uint8: 255, np.uint16: 65535, np.float32: 1}[kind]
+    bitmap = Bitmap(np.full((2, 4, 3), 128 / 255 * top).astype(kind), encoded=encoded)
+    wanted = 0.2159 if encoded else 0.502
+    facing = np.diag([-10.0, 10.0, -1.0, 1.0])
+    facing[2, 3] = 3
+    glow = {"type": "area", "radiance": {"type": "bitmap", "bitmap": bitmap}}
+    for light in (
+        {"type": "envmap", "bitmap": bitmap},
+        {"type": "rectangle", "to_world": facing, "emitter": glow},
+    ):
+        scene = scene_with(
+            integrator={"type": "path", "max_depth": 1},
+            sensor={"type": "perspective", "film": {"type": "hdrfilm", "width": 4, "height": 4}},
+            light=light,
+        )
+        np.testing.assert_allclose(lajolla.load_dict(scene).render(spp=1).array, wanted, rtol=2e-3)
+
+
+def test_a_bitmap_and_a_file_are_too_much() -> None:
+    twice = {"type": "bitmap", "bitmap": np.zeros((2, 2)), "filename": "a.png"}
+    ball = {"type": "sphere", "bsdf": {"type": "diffuse", "reflectance": twice}}
+    with pytest.raises(lajolla.SceneError, match="takes one of"):
+        describe(scene_with(ball=ball))
+
+
+def test_objects_of_mitsuba_are_refused() -> None:
+    """They hold no properties that could be read; bitmaps, arrays and transforms are taken."""
+    mitsuba = pytest.importorskip("mitsuba")
+    mitsuba.set_variant("scalar_rgb")
+    with pytest.raises(lajolla.SceneError, match=r"scene\[ball\].*Shape cannot be part of a scene"):
+        describe(scene_with(ball=mitsuba.load_dict({"type": "sphere"})))
+    pixels = np.random.default_rng(0).random((4, 4, 3), np.float32)
+    texture = {"type": "bitmap", "bitmap": mitsuba.Bitmap(pixels)}
+    moved = mitsuba.ScalarTransform4f().translate([1, 2, 3])
+    plate = {"type": "rectangle", "to_world": moved, "bsdf": {"type": "diffuse", "reflectance": texture}}
+    core = describe(scene_with(plate=plate)).core
+    np.testing.assert_array_equal(np.array(core["shapes"][0]["to_world"])[:3, 3], [1, 2, 3])
+    np.testing.assert_allclose(core["textures"][0]["image"].bounds(), [pixels.min(), pixels.max()])

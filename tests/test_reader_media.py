@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 import tracemalloc
 from pathlib import Path
 from types import SimpleNamespace
@@ -268,7 +269,7 @@ def test_nanovdb_density_colour_and_fire(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "volume, message",
     [
-        ('<volume name="sigma_t" type="hgridvolume"/>', "not supported; its data must become one"),
+        ('<volume name="sigma_t" type="hgridvolume"/>', 'needs the string "filename"'),
         ('<volume name="sigma_t" type="gridvolume"/>', 'needs the string "filename"'),
         (GRID.format("sigma_t", "scene.xml", ""), "cannot be used as a volume: it is not a .vol file"),
     ],
@@ -281,7 +282,7 @@ def test_a_medium_without_its_file_is_left_out(tmp_path: Path) -> None:
     body = SHAPE.format('type="heterogeneous">' + GRID.format("sigma_t", "nowhere.vol", ""))
     description = read(tmp_path, body)
     assert description.core["media"] == [] and description.core["shapes"][0]["interior"] == -1
-    assert any("nowhere.vol" in line and "is left out" in line for line in messages(description, tmp_path))
+    assert any("nowhere.vol" in line and "is ignored" in line for line in messages(description, tmp_path))
 
 
 def test_voxels_that_are_not_finite_are_zero(tmp_path: Path) -> None:
@@ -323,7 +324,7 @@ def told(folder: Path, body: str, integrator: str = "volpath", sensor: str = VIE
 
 
 @pytest.mark.parametrize("integrator", ["path", "direct"])
-def test_integrators_that_see_no_media_are_told_once(integrator: str, tmp_path: Path) -> None:
+def test_integrators_that_see_no_media_are_problem_once(integrator: str, tmp_path: Path) -> None:
     ball = f'<shape type="sphere">{CLOUD}</shape>'
     message = f'the integrator "{integrator}" does not see the media of this scene; "volpath" does'
     assert told(tmp_path, ball * 2, integrator) == [message]
@@ -337,7 +338,7 @@ SHAPES = {"cube": AROUND, "sphere": '<point name="center" x="2.5" y="0" z="0"/>'
 @pytest.mark.parametrize("shape", ["cube", "sphere"])
 def test_a_camera_in_a_medium_that_it_does_not_name(shape: str, tmp_path: Path) -> None:
     body = f'<shape type="{shape}">{SHAPES[shape]}{CLOUD}</shape>'
-    expected = 'the camera stands in the medium of this shape, but sensor "perspective" does not name it'
+    expected = 'the camera is inside the medium of this shape, but sensor "perspective" does not name it'
     assert [line.split(", so")[0] for line in told(tmp_path, body)] == [expected]
     assert told(tmp_path, body, sensor=VIEW.format('<medium type="homogeneous"/>')) == []
     outside = f'<shape type="{shape}">{CLOUD}</shape>'
@@ -375,3 +376,65 @@ def test_a_flat_shape_with_a_medium_is_refused_at_its_place(shape: str, tmp_path
     with pytest.raises(SceneError, match="to_world is singular") as caught:
         lajolla.load(scene)
     assert "scene.xml:3:1: error: " in str(caught.value)
+
+
+def hierarchical(folder: Path, array: np.ndarray, blocks: list[tuple[int, int, int]]) -> None:
+    """Two blocks along each side, which share their borders."""
+    steps = (np.array(array.shape[:3]) - 1) // 2
+    listed = struct.pack("<6f3i", -1, -1, -1, 1, 1, 1, 2, 2, 2)
+    for x, y, z in blocks:
+        low = steps * (z, y, x)
+        high = low + steps + 1
+        part = np.ascontiguousarray(array[low[0] : high[0], low[1] : high[1], low[2] : high[2]])
+        (folder / f"b_00{x}_00{y}_00{z}.vol").write_bytes(vol(part))
+        listed += struct.pack("<3i", x, y, z)
+    (folder / "list.bin").write_bytes(listed)
+
+
+HIERARCHICAL = """type="heterogeneous"><volume name="density" type="{}"><string name="filename" value="{}"/>
+    {}<transform name="toWorld"><scale value="2"/></transform></volume>"""
+NAMED = '<string name="prefix" value="b_"/><string name="postfix" value=".vol"/>'
+
+
+def test_blocks_of_a_hierarchical_grid_become_one(tmp_path: Path) -> None:
+    """The same picture as of the whole; where a block is missing, nothing is."""
+    array = np.random.default_rng(1).random((5, 3, 7, 1), np.float32)
+    everywhere = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    hierarchical(tmp_path, array, everywhere)
+    (tmp_path / "whole.vol").write_bytes(vol(array, box=(-1, -1, -1, 1, 1, 1)))
+    pictures = []
+    view = '<transform name="toWorld"><lookat origin="0, 0, 5" target="0, 0, 0"/></transform>'
+    for plugin, file, names in (("hgridvolume", "list.bin", NAMED), ("gridvolume", "whole.vol", "")):
+        content = SHAPE.format(HIERARCHICAL.format(plugin, file, names)).replace(
+            "<medium", f"{NOTHING}<medium"
+        )
+        path = tmp_path / f"{plugin}.xml"
+        path.write_text(
+            f"""<scene version="0.6.0"><integrator type="volpath"/><emitter type="constant"/>{content}
+            <sensor type="perspective">{view}<film type="hdrfilm"><integer name="width" value="8"/>
+            <integer name="height" value="8"/></film></sensor></scene>"""
+        )
+        pictures.append(lajolla.load(path).render(spp=4).array)
+    np.testing.assert_array_equal(*pictures)
+    hierarchical(tmp_path, array, everywhere[1:])
+    missing = lajolla.load(tmp_path / "hgridvolume.xml").render(spp=4).array
+    assert not np.array_equal(missing, pictures[0])
+
+
+NOTHING = '<bsdf type="null"/>'
+
+
+@pytest.mark.parametrize(
+    ("listed", "message"),
+    [
+        (b"", "no list of the blocks"),
+        (struct.pack("<6f6i", -1, -1, -1, 1, 1, 1, 1, 1, 1, 1, 0, 0), "a block outside"),
+        (struct.pack("<6f6i", -1, -1, -1, 1, 1, 1, 1 << 30, 1, 1, 0, 0, 0), "too many"),
+        (struct.pack("<6f6i", 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0), "is empty"),
+    ],
+)
+def test_broken_hierarchical_grids(listed: bytes, message: str, tmp_path: Path) -> None:
+    hierarchical(tmp_path, np.ones((3, 3, 3, 1), np.float32), [(0, 0, 0)])
+    (tmp_path / "list.bin").write_bytes(listed)
+    body = SHAPE.format(HIERARCHICAL.format("hgridvolume", "list.bin", NAMED))
+    assert message in error_of(tmp_path, body, "0.6.0")

@@ -46,7 +46,7 @@ GOLDEN = {
     ),
     "unknown id": (
         '<bsdf type="diffuse" id="white"/>\n' + SPHERE.format('<ref id="whit"/>'),
-        'scene.xml:4:31: error: nothing has the id "whit"; did you mean "white"?\n'
+        'scene.xml:4:31: error: no object has the id "whit"; did you mean "white"?\n'
         '    <shape type="sphere"><ref id="whit"/></shape>\n'
         "                                  ^",
     ),
@@ -64,7 +64,7 @@ GOLDEN = {
     ),
     "aliases in a circle": (
         '<alias id="a" as="b"/><alias id="b" as="a"/>',
-        "scene.xml:3:19: error: aliases go in a circle: b -> a -> b\n"
+        "scene.xml:3:19: error: aliases form a cycle: b -> a -> b\n"
         '    <alias id="a" as="b"/><alias id="b" as="a"/>\n'
         "                      ^",
     ),
@@ -133,7 +133,7 @@ def test_golden_message(name: str, tmp_path: Path) -> None:
 WARNINGS = {
     "unknown property": (
         SPHERE.format('<float name="radus" value="1"/>'),
-        'scene.xml:3:35: warning: shape "sphere" has no use for the property "radus"; did you mean "radius"?',
+        'scene.xml:3:35: warning: shape "sphere" has no property "radus"; did you mean "radius"?',
     ),
     "unknown attribute": (
         SPHERE.format('<float name="radius" value="1" unit="m"/>'),
@@ -141,19 +141,19 @@ WARNINGS = {
     ),
     "misspelt plugin": (
         SPHERE.format('<bsdf type="difuse"/>'),
-        'scene.xml:3:34: warning: there is no bsdf "difuse"; "diffuse" is used',
+        'scene.xml:3:34: warning: unknown bsdf "difuse"; "diffuse" is used',
     ),
     "plugin with a known substitute": (
         SPHERE.format('<bsdf type="hk"/>'),
-        'scene.xml:3:34: warning: there is no bsdf "hk"; "diffuse" is used',
+        'scene.xml:3:34: warning: unknown bsdf "hk"; "diffuse" is used',
     ),
     "plugin without a substitute": (
         '<emitter type="laser"/>',
-        'scene.xml:3:16: warning: there is no emitter "laser"; it is left out',
+        'scene.xml:3:16: warning: unknown emitter "laser"; it is ignored',
     ),
     "undefined parameter": (
         SPHERE.format('<float name="radius" value="$r"/>'),
-        'scene.xml:3:50: warning: parameter "$r" is not defined, <float> is left out',
+        'scene.xml:3:50: warning: parameter "$r" is not defined, <float> is ignored',
     ),
     "undefined plugin type": (
         SPHERE.format('<bsdf type="$material"/>'),
@@ -189,7 +189,7 @@ def test_missing_file_tells_where_it_was_sought(tmp_path: Path) -> None:
     body = '<path value="meshes"/><shape type="obj"><string name="filename" value="no.obj"/></shape>'
     first_line = messages(read(tmp_path, body), tmp_path)[0].replace(str(tmp_path), "HERE")
     sought = 'file "no.obj" not found; searched: HERE, meshes, .'
-    assert first_line == f'scene.xml:3:72: warning: {sought}; shape "obj" is left out'
+    assert first_line == f'scene.xml:3:72: warning: {sought}; shape "obj" is ignored'
     assert f"error: {sought.split(';')[0]}" in error_of(tmp_path, body, strict=True)
 
 
@@ -197,7 +197,7 @@ def test_missing_texture_leaves_the_default(tmp_path: Path) -> None:
     texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="no.png"/></texture>'
     description = read(tmp_path, SPHERE.format(f'<bsdf type="diffuse">{texture}</bsdf>'))
     assert "reflectance" not in description.core["bsdfs"][0]
-    assert 'texture "bitmap" is left out' in messages(description, tmp_path)[0]
+    assert 'texture "bitmap" is ignored' in messages(description, tmp_path)[0]
 
 
 def test_what_the_core_refuses_has_a_place(tmp_path: Path) -> None:
@@ -218,7 +218,7 @@ def test_long_lines_are_cut_around_the_caret(tmp_path: Path) -> None:
 def test_unused_parameter(tmp_path: Path) -> None:
     path = write_scene(tmp_path, SPHERE.format('<float name="radius" value="$radius"/>'))
     message = error(path, parameters={"radius": "1", "raduis": "2"}, strict=True)
-    assert 'parameter "raduis" is used nowhere; did you mean "radius"?' in message
+    assert 'parameter "raduis" is not used; did you mean "radius"?' in message
 
 
 HOSTILE = {
@@ -346,17 +346,17 @@ CHECKERBOARD = '<texture type="checkerboard" name="eta"/>'
         ),
         (
             SPHERE.format('<bsdf type="difuse"><float name="shine" value="1"/></bsdf>'),
-            'no use for the property "shine"',
+            'has no property "shine"',
         ),
         (
             SPHERE.format(
                 '<medium name="interior" type="heterogeneous"><volume name="density" type="foo"/></medium>'
             ),
-            'there is no volume "foo"; "constvolume" is used',
+            'unknown volume "foo"; "constvolume" is used',
         ),
     ],
 )
-def test_told_and_rendered_otherwise(tmp_path: Path, body: str, message: str) -> None:
+def test_problem_and_rendered_otherwise(tmp_path: Path, body: str, message: str) -> None:
     assert message in "\n".join(messages(read(tmp_path, body), tmp_path))
 
 
@@ -383,7 +383,7 @@ def test_integrators_that_lack_the_one_inside(body: str, tmp_path: Path) -> None
     path.write_text(f'<scene version="3.0.0"><sensor type="perspective"/>{body}</scene>')
     description = lajolla.scene.load_description(path)
     assert description.core["integrator"]["type"] == "path"
-    assert 'there is no integrator "adaptive"; "path" is used' in messages(description, tmp_path)[0]
+    assert 'unknown integrator "adaptive"; "path" is used' in messages(description, tmp_path)[0]
 
 
 def test_a_constant_texture_is_a_number(tmp_path: Path) -> None:
@@ -393,7 +393,7 @@ def test_a_constant_texture_is_a_number(tmp_path: Path) -> None:
     assert '<float name="alpha" value="0.25"' in convert(path, tmp_path / "new.xml").text
 
 
-def test_other_plugins_properties_are_not_told_one_by_one(tmp_path: Path) -> None:
+def test_other_plugins_properties_are_not_problem_one_by_one(tmp_path: Path) -> None:
     body = SPHERE.format('<bsdf type="irawan"><float name="metallic" value="1"/></bsdf>')
     assert len(messages(read(tmp_path, body), tmp_path)) == 1
 

@@ -124,7 +124,9 @@ def compiler(repository: Path) -> str:
     return path
 
 
-@pytest.mark.parametrize("name", ["README.md", "CHANGELOG.md", "docs", "bench/README.md", "scenes/README.md"])
+@pytest.mark.parametrize(
+    "name", ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs", "bench/README.md", "scenes/README.md"]
+)
 def test_links_lead_somewhere(repository: Path, name: str) -> None:
     start = repository / name
     for page in sorted(start.glob("*.md")) if start.is_dir() else [start]:

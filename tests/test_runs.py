@@ -208,7 +208,7 @@ MISTAKES = (
     ('"0.25"', '"abc"', "expected a number"),
     ('"0.25"', '"-1"', "must be at least 0"),
     ('"0.25"', '"1e-60"', "radius above zero"),  # the core refuses it
-    ('id="a"', 'id="nowhere"', "nothing has the id"),
+    ('id="a"', 'id="nowhere"', "no object has the id"),
     ('x="1"', 'x="1e300"', "not finite"),
     ('x="1"', 'x="1 2"', "1 number"),
     ("<translate", "<translte", "is no transformation"),

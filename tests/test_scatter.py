@@ -112,6 +112,10 @@ def given(settings: Settings) -> list[str]:
     ]
 
 
+def at_end_of_indices(settings: Settings) -> bool:
+    return any(settings.get(name) in (1e-3, 1e3) for name in ("eta", "int_ior", "ext_ior"))
+
+
 def test_level_covers_the_number_of_tests() -> None:
     per_study = 2 + 3 + 3  # chi-square, total; energy per channel; branch frequencies
     assert len(SETTINGS) * 8 * per_study < TESTS
@@ -121,6 +125,8 @@ def test_level_covers_the_number_of_tests() -> None:
 def test_samples_density_and_energy(settings: Settings) -> None:
     bsdf = make_bsdf(settings)
     gain = max(ENERGY_GAIN.get(cause, (0, ""))[0] for cause in (settings["type"], *given(settings)))
+    if at_end_of_indices(settings):
+        gain = max(gain, EXTREME_GAIN.get(str(settings["type"]), (0, ""))[0])
     for wo in directions_for(bsdf, settings):
         s = study(seen_from(bsdf, wo))
         check_finite(s.draws, s.thing.name)
@@ -131,6 +137,8 @@ def test_samples_density_and_energy(settings: Settings) -> None:
 
 @each_setting
 def test_reciprocity(settings: Settings) -> None:
+    if at_end_of_indices(settings):
+        pytest.skip("refracted light is within 0.001 of the normal, where cosines have no digits of it")
     if settings["type"] in NOT_RECIPROCAL:
         field, reason = NOT_RECIPROCAL[settings["type"]]
         if not field or settings.get(field):

@@ -182,7 +182,7 @@ def test_sdf_grids_do_not_shine(tmp_path: Path) -> None:
     (tmp_path / "g.vol").write_bytes(vol(distances((4, 4, 4))))
     body = '<shape type="sdfgrid"><string name="filename" value="g.vol"/><emitter type="area"/></shape>'
     description = read(tmp_path, body)
-    assert any("does not shine" in text for text in messages(description, tmp_path))
+    assert any("emits no light" in text for text in messages(description, tmp_path))
     assert description.core["emitters"] == []
 
 

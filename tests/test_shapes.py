@@ -292,6 +292,12 @@ def placed(shape: Settings, scale: float, at: tuple[float, float, float]) -> Set
     return {**shape, "to_world": scaling(scale) @ translation(*at) @ matrix_of(shape)}
 
 
+def opposite(scale: float, at: tuple[float, float, float]) -> list[Settings]:
+    """A grain at the other end, so that the scene's centre, hence its origin, stays where it is."""
+    place = scaling(scale) @ translation(*(-x for x in at)) @ scaling(1e-3)
+    return [{"type": "sphere", "to_world": place, "material": 0}] if any(at) else []
+
+
 def facing(vectors: np.ndarray, side: np.ndarray) -> np.ndarray:
     """Vectors turned over where they point away from a side."""
     return vectors * np.where((vectors * side).sum(1, keepdims=True) < 0, -1, 1)
@@ -301,7 +307,7 @@ def facing(vectors: np.ndarray, side: np.ndarray) -> np.ndarray:
 def test_rays_that_leave_a_convex_object_do_not_meet_it_again(
     name: str, scale: float, at: tuple[float, float, float]
 ) -> None:
-    scene = make_scene(shapes=[placed(CONVEX[name], scale, at)])
+    scene = make_scene(shapes=[placed(CONVEX[name], scale, at), *opposite(scale, at)])
     rng = generator("leave", name, scale, at)
     count = 20_000
     center = scale * np.array(at)
@@ -333,7 +339,7 @@ def test_a_convex_object_does_not_shadow_itself(
     eye = look_at(center + distance * np.array([0.5, 0.6, -0.62]), center)
     for strategy in ("bsdf", "light"):
         scene = make_scene(
-            shapes=[{**placed(CONVEX[name], scale, at), "material": 0}],
+            shapes=[{**placed(CONVEX[name], scale, at), "material": 0}, *opposite(scale, at)],
             emitters=[{"type": "constant", "radiance": 1}],
             sensor={
                 "type": "perspective",

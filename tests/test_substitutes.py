@@ -78,7 +78,7 @@ def test_the_colour_of_a_metal_is_kept(version: str, tmp_path: Path) -> None:
     entry = description.core["bsdfs"][0]
     assert entry["specular_reflectance"] == (0.9, 0.6, 0.3)
     assert (entry["eta"], entry["k"], entry["multiscatter"]) == ((0.0,) * 3, (1.0,) * 3, True)
-    assert lines == ['there is no bsdf "roughconductorGGX"; "roughconductor" is used']
+    assert lines == ['unknown bsdf "roughconductorGGX"; "roughconductor" is used']
 
 
 def test_scattering_once_is_without_what_comes_after(tmp_path: Path) -> None:
@@ -127,15 +127,15 @@ def test_a_container_is_never_replaced_by_something_unrelated(kind: str, tmp_pat
                 '<bsdf type="hk"><float name="thickness" value="2"/><boolean name="sample_visible" '
                 'value="true"/><medium type="homogeneous" name="interior"/></bsdf>'
             ),
-            'there is no bsdf "hk"; "diffuse" is used, without "thickness", "interior"',
+            'unknown bsdf "hk"; "diffuse" is used, without "thickness", "interior"',
         ),
         (
             SPHERE.format('<bsdf type="pplastic"><float name="alpha" value="0.2"/></bsdf>'),
-            'there is no bsdf "pplastic"; "roughplastic" is used',
+            'unknown bsdf "pplastic"; "roughplastic" is used',
         ),
         (
             '<emitter type="surround"><float name="power" value="2"/><emitter type="point"/></emitter>',
-            'there is no emitter "surround"; the emitter "point" inside it is used, without "power"',
+            'unknown emitter "surround"; the emitter "point" inside it is used, without "power"',
         ),
     ],
 )
@@ -172,5 +172,37 @@ def test_direct_light_projected_is_direct_light(tmp_path: Path) -> None:
     description = load_description(path)
     assert description.core["integrator"]["type"] == "direct"
     assert [w.message for w in description.warnings] == [
-        'there is no integrator "direct_projective"; "direct" is used'
+        'unknown integrator "direct_projective"; "direct" is used'
     ]
+
+
+@pytest.mark.parametrize(
+    ("name", "used"),
+    [("mirror", "conductor"), ("glass", "dielectric"), ("roughglass", "roughdielectric")],
+)
+def test_common_names_of_other_programs(name: str, used: str, tmp_path: Path) -> None:
+    description, lines = told(tmp_path, SPHERE.format(f'<bsdf type="{name}"/>'))
+    assert description.core["bsdfs"][0]["type"] == used
+    assert lines[0] == f'unknown bsdf "{name}"; "{used}" is used'
+
+
+def test_guesses_are_harmless(tmp_path: Path) -> None:
+    """No name that looks alike makes a surface invisible, or an error of an unknown plugin."""
+    learned = '<bsdf type="neural"><string name="filename" value="weights.bin"/></bsdf>'
+    description, lines = told(tmp_path, SPHERE.format(learned))
+    assert description.core["bsdfs"][0]["type"] == "diffuse" and '"filename"' in lines[0]
+    inside = '<bsdf type="plastic"/><bsdf type="diffuse"/>'
+    description, lines = told(tmp_path, SPHERE.format(f'<bsdf type="mixture">{inside}</bsdf>'))
+    assert 'the bsdf "plastic" inside it is used, without the bsdf "diffuse"' in lines[0]
+    weights = f'<string name="weights" value="0.5, 0.5"/>{inside}'
+    _, lines = told(tmp_path, SPHERE.format(f'<bsdf type="mixturebdsf">{weights}</bsdf>'))
+    assert '"mixturebsdf" is used' in lines[0]
+    description, lines = told(tmp_path, SPHERE.format('<bsdf type="nul"/>'))
+    assert description.core["bsdfs"][0]["type"] == "null"
+
+
+def test_plastic_has_one_roughness(tmp_path: Path) -> None:
+    widths = '<float name="alpha_u" value="0.1"/><float name="alpha_v" value="0.4"/>'
+    description, lines = told(tmp_path, SPHERE.format(f'<bsdf type="pplastic">{widths}</bsdf>'))
+    assert description.core["bsdfs"][0]["alpha"] == pytest.approx(0.2)
+    assert lines[0] == 'unknown bsdf "pplastic"; "roughplastic" is used'

@@ -1,5 +1,5 @@
 #pragma once
-// Arrays with room behind their last element.
+// Arrays with padding after their last element.
 
 #include <cstddef>
 #include <memory>
@@ -7,7 +7,7 @@
 
 namespace lajolla {
 
-// Wide code and the ray tracer read 16 bytes at each element, also at the last. Every copy has room too, as
+// Wide code and the ray tracer read 16 bytes at each element, also at the last. Every copy is padded too, as
 // it would not with reserve().
 template <class T>
 struct RoomyAllocator {

@@ -120,7 +120,7 @@ struct CameraSample {
     Float event, channel;
 };
 
-// Numbers for decisions that nobody can count beforehand, such as collisions in a medium: a hashed counter
+// Numbers for an unknown number of decisions, such as collisions in a medium: a hashed counter
 // (Steele et al. 2014, "Fast splittable pseudorandom number generators").
 class NumberStream {
 public:

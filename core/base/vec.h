@@ -1,5 +1,5 @@
 #pragma once
-// Two- and three-component values of float or WideFloat. Points, vectors, normals and colours are told apart
+// Two- and three-component values of float or WideFloat. Points, vectors, normals and colours are distinct
 // by their tag, so that a colour never slips in where a direction is meant.
 
 #include <array>

@@ -149,20 +149,32 @@ constexpr CurveSizes sizes_of(CurveBasis basis) {
     return basis == CurveBasis::linear ? CurveSizes{1e-6f, 3e6f} : CurveSizes{1e-12f, 3e9f};
 }
 
+std::string length_text(float length) { return text_of(Described<float>::write(length)); }
+
 void check_size(const Shape &shape, const std::string &where) {
-    const auto text = [](float length) { return text_of(Described<float>::write(length)); };
     const Bounds box = match(shape, [](const auto &s) { return s.bounds(); });
     const float reach = box.empty() ? 0 : max_component(max(abs(box.low), abs(box.high)));
     if (!(reach <= largest_shape))
-        throw DescriptionError(where + ": the shape reaches coordinates of " + text(reach) +
-                               "; rays can be traced up to " + text(largest_shape));
+        throw DescriptionError(where + ": the shape reaches coordinates of " + length_text(reach) +
+                               "; rays can be traced up to " + length_text(largest_shape));
     const auto *curves = std::get_if<Curves>(&shape);
     if (!curves) return;
     const auto [least, most] = sizes_of(curves->basis);
     const float longest = curves->longest_segment();
     if (longest > most || (longest > 0 && longest < least))
-        throw DescriptionError(where + ": the longest segment measures " + text(longest) +
-                               "; such curves can be rendered from " + text(least) + " to " + text(most));
+        throw DescriptionError(where + ": the longest segment measures " + length_text(longest) +
+                               "; such curves can be rendered from " + length_text(least) + " to " +
+                               length_text(most));
+}
+
+// Small shapes are too small to be seen; a small scene would be all that is seen.
+void check_scene_size(const Bounds &scene) {
+    constexpr float smallest_scene = 1e-12f;
+    const float size = scene.empty() ? 0 : max_component(scene.high - scene.low);
+    if (size > 0 && size < smallest_scene)
+        throw DescriptionError("shapes[0]: the whole scene measures " + length_text(size) +
+                               "; rays can be traced in scenes of " + length_text(smallest_scene) +
+                               " or more");
 }
 
 void read_shapes(const Dict &description, SceneParts &parts) {
@@ -199,13 +211,14 @@ SceneParts read_parts(const Dict &description) {
     SceneParts parts;
     read_looks(description, parts);
     read_places(description, parts);
-    constexpr int most_moves = 3; // from very far away, floats tell the centre only by and by
+    constexpr int most_moves = 3; // from very far away, float32 determines the centre only step by step
     for (int moves = 0; moves < most_moves; ++moves) {
         const auto centre = far_centre(bounds_of(parts));
         if (!centre) break;
         for (std::size_t axis = 0; axis < 3; ++axis) parts.origin[axis] += (*centre)[axis];
         read_places(recentred(description, parts.origin), parts);
     }
+    check_scene_size(bounds_of(parts));
     parts.film = model_from<Film>(read_dict(description, "film"), "film");
     parts.filter = read_variant<PixelFilter>(description, "rfilter");
     return parts;

@@ -1,5 +1,5 @@
 #pragma once
-// From a description, whose form docs/architecture.md tells, to a scene.
+// From a description, which docs/architecture.md specifies, to a scene.
 
 #include <memory>
 

@@ -33,9 +33,9 @@ Value write_numbers(std::span<const float> numbers) {
 
 } // namespace
 
-UnexpectedValue::UnexpectedValue(const std::string &told, const Value *got, const std::string &text)
-    : DescriptionError(told + (text.size() > longest_text ? text.substr(0, longest_text) + "..." : text)),
-      told_(told), got_(got) {}
+UnexpectedValue::UnexpectedValue(const std::string &problem, const Value *got, const std::string &text)
+    : DescriptionError(problem + (text.size() > longest_text ? text.substr(0, longest_text) + "..." : text)),
+      problem_(problem), got_(got) {}
 
 bool Described<float>::read(const Value &source, float &value) {
     if (const auto *number = source.get_if<double>()) value = static_cast<float>(*number);

@@ -42,12 +42,12 @@ public:
 
     const Value *got() const { return got_; } // a part of the description, which must still be there
     // The same message where the value is known by another text.
-    UnexpectedValue called(const std::string &text) const { return {told_, got_, text}; }
+    UnexpectedValue called(const std::string &text) const { return {problem_, got_, text}; }
 
 private:
-    UnexpectedValue(const std::string &told, const Value *got, const std::string &text);
+    UnexpectedValue(const std::string &problem, const Value *got, const std::string &text);
 
-    std::string told_; // before the value
+    std::string problem_; // before the value
     const Value *got_;
 };
 

@@ -143,7 +143,7 @@ std::optional<Point> far_centre(const Bounds &scene) {
         farthest = std::max(farthest, std::abs(middle[axis]));
         squared += (high - low) * (high - low) / 4;
     }
-    const double size = std::max(std::sqrt(squared), farthest * 0x1p-24); // what floats told
+    const double size = std::max(std::sqrt(squared), farthest * 0x1p-24); // at least one ulp
     constexpr double near_enough = 16;
     if (!(farthest > near_enough * size)) return std::nullopt;
     const double step = std::exp2(std::ceil(std::log2(4 * size)));

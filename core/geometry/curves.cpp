@@ -98,7 +98,7 @@ Curves::Spine Curves::spine(std::uint32_t segment, float v) const {
 }
 
 void Curves::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const {
-    // Embree tells where on the segment the tube's circle is that was hit.
+    // Embree returns the position on the segment of the circle that was hit.
     const float v =
         found.b1 > 0 ? std::min(found.b1, 1.0f) : 0; // a number even where a point is all there is
     const Spine s = spine(found.primitive, v);
@@ -115,7 +115,7 @@ void Curves::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, 
 
     // c + r(v) e(u, v): the normal is across both derivatives. Cones between spheres are met at the circle
     // where a sphere around c touches them, so that e is the normal.
-    const float straight = speed * speed - dot(radial, s.bend) * s.radius;
+    const float straight = speed * speed - dot(radial, s.second) * s.radius;
     const Vec3f across = basis == CurveBasis::linear ? radial : radial * straight - s.tangent * s.growth;
     hit.normal = unit(across, radial);
     hit.shading_normal = hit.normal;
@@ -126,13 +126,13 @@ void Curves::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, 
     hit.uv =
         hit.barycentric = {turn < 0 ? turn + 1 : turn, (static_cast<float>(found.primitive) + v) / count};
     hit.dp_du = cross(tangent, hit.position - s.center) * (2 * pi);
-    const Vec3f tangent_change = speed > 0 ? (s.bend - tangent * dot(tangent, s.bend)) / speed : Vec3f(0);
+    const Vec3f tangent_change = speed > 0 ? (s.second - tangent * dot(tangent, s.second)) / speed : Vec3f(0);
     const Vec3f turned = turning(tangent, tangent_change, frame, cos(angle), sin(angle));
     hit.dp_dv = (s.tangent + radial * s.growth + turned * s.radius) * count;
 
-    // Around the tube, and along it where it bends; the ends of cones are spheres.
+    // Around the tube, and along it where it is curved; the ends of cones are spheres.
     const bool at_end = basis == CurveBasis::linear && (v == 0 || v == 1);
-    const float along = at_end ? 1 / s.radius : straight > 0 ? -dot(radial, s.bend) / straight : 0;
+    const float along = at_end ? 1 / s.radius : straight > 0 ? -dot(radial, s.second) / straight : 0;
     hit.mean_curvature = s.radius > 0 ? 0.5f * (1 / s.radius + along) : 0;
 }
 

@@ -31,7 +31,7 @@ constexpr auto choices(CurveBasis) { return std::array{"linear", "bspline"}; }
 
 struct Curves : NeverLight {
     static constexpr const char *name = "curves";
-    static constexpr const char *doc = "Tubes around curves, hit from outside. Texture coordinates run "
+    static constexpr const char *doc = "Curves with a round cross section. Texture coordinates run "
                                        "around (u) and along all of them (v).";
     std::shared_ptr<const CurveSet> curves;
     CurveBasis basis = CurveBasis::linear;
@@ -51,8 +51,8 @@ struct Curves : NeverLight {
 private:
     // The middle of a tube, its radius, and their derivatives along a segment.
     struct Spine {
-        Vec3f center, tangent, bend; // c, c', c''
-        float radius, growth;        // r, r'
+        Vec3f center, tangent, second; // c, c', c''
+        float radius, growth;          // r, r'
     };
     Spine spine(std::uint32_t segment, float v) const;
 };

@@ -56,8 +56,9 @@ struct RayCone {
     // After a bounce off, or through, a surface of this curvature; width and eta as in BsdfSample. A rough
     // surface opens the cone to about a fifth of a radian.
     RayCone scattered(Float mean_curvature, Float width, Float eta) const {
-        const Float bent = 2 * mean_curvature * radius;
-        const Float mirror = select(eta == 1.0f, spread + bent, spread / eta + bent * (1 / eta - 1) * 0.5f);
+        const Float turned = 2 * mean_curvature * radius;
+        const Float mirror =
+            select(eta == 1.0f, spread + turned, spread / eta + turned * (1 / eta - 1) * 0.5f);
         return {radius, lerp(width, mirror, Float(0.2f))};
     }
 };

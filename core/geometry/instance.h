@@ -17,7 +17,7 @@ using Group = std::vector<std::uint32_t>;
 
 struct Instance {
     static constexpr const char *name = "instance";
-    static constexpr const char *doc = "A placed copy of a group of shapes.";
+    static constexpr const char *doc = "A transformed copy of a group of shapes.";
     std::int32_t group = 0;
     Transform to_world;
     Transform to_group;

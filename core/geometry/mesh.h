@@ -44,7 +44,7 @@ Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count);
 
 // Vertex normals weighted by the angle at each corner (Thürmer and Wüthrich 1998; compared with others in Max
 // 1999, "Weights for Computing Vertex Normals from Facet Normals"). Faces that meet at a position at more
-// than `max_angle` (radians) keep a sharp edge: their vertices are split.
+// than `max_angle` (radians) keep a hard edge: their vertices are split.
 Mesh with_smooth_normals(const Mesh &mesh, float max_angle);
 
 } // namespace lajolla

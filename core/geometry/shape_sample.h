@@ -1,5 +1,5 @@
 #pragma once
-// What shapes tell of themselves.
+// What shapes return about points on them.
 
 #include <cstdint>
 #include <stdexcept>

@@ -73,7 +73,7 @@ Float intersect_sphere(const Vec3f &center, float radius, const Ray<Float> &ray)
 
 struct Sphere {
     static constexpr const char *name = "sphere";
-    static constexpr const char *doc = "A true sphere; to_world must scale alike in all directions.";
+    static constexpr const char *doc = "A sphere; to_world must scale uniformly.";
     Vec3f center{0};
     float radius = 1;
     Transform to_world;

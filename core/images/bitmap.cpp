@@ -42,7 +42,7 @@ MipMap::MipMap(std::shared_ptr<const Image> image, FilterType filter, WrapMode w
 std::size_t MipMap::bytes() const { return image_->bytes(is_filtered() ? image_->levels().size() : 1); }
 
 template <class Float>
-Rgb<Float> MipMap::sharp(Vec2<Float> position) const {
+Rgb<Float> MipMap::unfiltered(Vec2<Float> position) const {
     const Window<Float> whole = sharpest<Float>(*image_);
     return filter_ == FilterType::nearest ? nearest(*image_, in_texels(whole, position), wrap_)
                                           : bilinear_at(whole, position);
@@ -103,8 +103,8 @@ Rgb<Float> MipMap::elliptical(Vec2<Float> position, Vec2<Float> radius0, Vec2<Fl
 }
 
 // These are all there is.
-template Rgb<float> MipMap::sharp(Vec2<float>) const;
-template Rgb<WideFloat> MipMap::sharp(Vec2<WideFloat>) const;
+template Rgb<float> MipMap::unfiltered(Vec2<float>) const;
+template Rgb<WideFloat> MipMap::unfiltered(Vec2<WideFloat>) const;
 template std::array<Rgb<float>, 2> MipMap::gradient(Vec2<float>) const;
 template std::array<Rgb<WideFloat>, 2> MipMap::gradient(Vec2<WideFloat>) const;
 template Rgb<float> MipMap::trilinear(Vec2<float>, float) const;

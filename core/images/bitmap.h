@@ -22,9 +22,9 @@ public:
     bool is_elliptical() const { return filter_ == FilterType::ewa; }
     std::size_t bytes() const; // of all levels
 
-    // As sharp as the image is.
+    // Of the full resolution.
     template <class Float>
-    Rgb<Float> sharp(Vec2<Float> position) const;
+    Rgb<Float> unfiltered(Vec2<Float> position) const;
     // The derivatives of that by the position.
     template <class Float>
     std::array<Rgb<Float>, 2> gradient(Vec2<Float> position) const;

@@ -35,7 +35,7 @@ public:
     TexelType type;
 
     const std::vector<Level> &levels() const { return levels_; }
-    // Fills in all levels: images that are looked up only as sharp as they are need none but the first.
+    // Fills in all levels: unfiltered lookups need only the first.
     void make_levels() const;
     // Of the first so many levels.
     std::size_t bytes(std::size_t level_count = 1) const;

@@ -4,8 +4,8 @@
 
 namespace lajolla {
 
-// The image's first and last rows lie on the poles, as in Mitsuba 3; columns are centred in their share of
-// the turn.
+// The image's first row lies on the upper pole, and its last row on the lower one, as in Mitsuba 3, or at
+// theta_max; columns are centred in their share of the turn.
 
 void EnvironmentMap::build() {
     if (!image || image->width == 0 || image->height == 0)
@@ -15,14 +15,15 @@ void EnvironmentMap::build() {
         throw std::invalid_argument(
             "to_world of an envmap must be a rotation, without shear or uneven scaling");
     to_local_ = *inverted;
+    height_ = theta_max / 180 * pi;
     half_texel_ = 0.5f / static_cast<float>(image->width);
     // A cell has texel centres at its corners: its bilinear values vanish only where its weight does.
     const std::uint32_t width = image->width, rows = std::max(image->height, 2u) - 1;
     std::vector<float> weights(static_cast<std::size_t>(width) * rows);
     double sum = 0;
     for (std::uint32_t y = 0; y < rows; ++y) {
-        const float low = pi * static_cast<float>(y) / static_cast<float>(rows);
-        const float high = pi * static_cast<float>(y + 1) / static_cast<float>(rows);
+        const float low = height_ * static_cast<float>(y) / static_cast<float>(rows);
+        const float high = height_ * static_cast<float>(y + 1) / static_cast<float>(rows);
         const float band = cos(low) - cos(high); // solid angle of the row over 2 pi
         const std::uint32_t below = std::min(y + 1, image->height - 1);
         for (std::uint32_t x = 0; x < width; ++x) {

@@ -17,7 +17,7 @@ namespace lajolla {
 
 struct ConstantLight {
     static constexpr const char *name = "constant";
-    static constexpr const char *doc = "Light of the same radiance from all around the scene.";
+    static constexpr const char *doc = "A constant environment light.";
     Spectrum radiance{1};
 
     static constexpr auto fields() {
@@ -48,11 +48,16 @@ struct EnvironmentMap {
     static constexpr const char *doc =
         "Light from all around, from an image in latitude and longitude; +y is up.";
     std::shared_ptr<const Image> image;
+    float theta_max = 180;
     float scale = 1;
     Transform to_world;
 
     static constexpr auto fields() {
         return std::tuple(field("image", &EnvironmentMap::image, "radiance, twice as wide as high"),
+                          field("theta_max", &EnvironmentMap::theta_max,
+                                "angle from +y at which the image ends; beyond it is black")
+                              .range(1, 180)
+                              .unit("degrees"),
                           field("scale", &EnvironmentMap::scale, "factor on the image").range(0),
                           field("to_world", &EnvironmentMap::to_world, "orientation in the scene"));
     }
@@ -67,7 +72,7 @@ struct EnvironmentMap {
     Float pdf_direction(const Vec3<Float> &wi) const;
 
 private:
-    // Where a direction is in the image.
+    // Where a direction is in the image; square.y is above 1 where the image has ended.
     template <class Float>
     struct Place {
         Vec2<Float> square;
@@ -82,17 +87,18 @@ private:
     Distribution2D distribution_; // over cells between texel centres, by luminance and solid angle
     float mean_radiance_ = 0;
     float half_texel_ = 0; // of the square's width
+    float height_ = pi;    // of the image: theta_max in radians
 };
 
-// The square is (phi / 2 pi, theta / pi), phi counted from the centre of the first column. It covers the
-// sphere's solid angle with d omega = sin(theta) d theta d phi = 2 pi^2 sin(theta) d square: densities over
-// the square are divided by that, and sin(theta) comes from the direction itself.
+// The square is (phi / 2 pi, theta / height), phi counted from the centre of the first column. It covers the
+// sphere's solid angle with d omega = sin(theta) d theta d phi = 2 pi height sin(theta) d square: densities
+// over the square are divided by that, and sin(theta) comes from the direction itself.
 template <class Float>
 EnvironmentMap::Place<Float> EnvironmentMap::place_of(const Vec3<Float> &direction) const {
     const Vec3<Float> d = to_local_.vector(direction); // its length is one over to_world's scale
     const Float turn = atan2(d.x, -d.z) * (0.5f * inv_pi) - half_texel_;
     const Float r_squared = d.x * d.x + d.z * d.z, r = sqrt(r_squared);
-    return {{turn - floor(turn), atan2(r, d.y) * inv_pi}, r / sqrt(r_squared + d.y * d.y)};
+    return {{turn - floor(turn), atan2(r, d.y) / height_}, r / sqrt(r_squared + d.y * d.y)};
 }
 
 template <class Float>
@@ -104,17 +110,18 @@ Rgb<Float> EnvironmentMap::look_up(const Vec2<Float> &square) const {
 
 template <class Float>
 Rgb<Float> EnvironmentMap::emitted(const Vec3<Float> &direction) const {
-    return look_up(place_of(direction).square);
+    const Vec2<Float> square = place_of(direction).square;
+    return select(square.y <= 1.0f, look_up(square), Rgb<Float>(0));
 }
 
 template <class Float>
 DirectSample<Float> EnvironmentMap::sample_direct(const Vec3<Float> &, Float, const Vec2<Float> &u,
                                                   std::span<const TextureModel>) const {
     const auto [square, density] = distribution_.sample(u);
-    const auto [sin_theta, cos_theta] = sine_cosine(pi * square.y);
+    const auto [sin_theta, cos_theta] = sine_cosine(height_ * square.y);
     const auto [sin_phi, cos_phi] = sine_cosine(2 * pi * (square.x + half_texel_));
     const Vec3<Float> local{sin_phi * sin_theta, cos_theta, -cos_phi * sin_theta};
-    const Float pdf = density / (2 * pi * pi * sin_theta);
+    const Float pdf = density / (2 * pi * height_ * sin_theta);
     return {normalize(to_world.vector(local)),
             infinity,
             {},
@@ -125,7 +132,8 @@ DirectSample<Float> EnvironmentMap::sample_direct(const Vec3<Float> &, Float, co
 template <class Float>
 Float EnvironmentMap::pdf_direction(const Vec3<Float> &wi) const {
     const auto [square, sin_theta] = place_of(wi);
-    return select(sin_theta > 0.0f, distribution_.pdf(square) / (2 * pi * pi * sin_theta), Float(0));
+    const Float pdf = distribution_.pdf(square) / (2 * pi * height_ * sin_theta);
+    return select(sin_theta > 0.0f && square.y <= 1.0f, pdf, Float(0));
 }
 
 struct DistantDisk {

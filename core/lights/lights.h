@@ -1,6 +1,6 @@
 #pragma once
-// The list of lights. Everything is measured in solid angle: a light is sampled towards a point, and answers
-// with which density it would have sampled a direction; no integrator asks what kind of light it is.
+// The list of lights. All densities are per solid angle: a light is sampled from a point, and returns
+// the density of sampling a direction; integrators do not depend on the kind of light.
 
 #include <span>
 #include <variant>
@@ -34,14 +34,14 @@ enum class LightKind : std::int32_t {
     other,    // shapes that are neither, and lights that no ray can hit
 };
 
-// What lanes read of a light, in one line of the cache.
+// The data of a light for lanes, in one cache line.
 template <class Float>
 struct alignas(64) LightRecord {
     Rgb<Float> radiance;                // of shapes without a texture
     IntOf<Float> kind;                  // a LightKind
     Vec3<Float> center;                 // of a sphere
     Float radius = 0;                   // the same
-    Float position_error = 0, side = 1; // the same; side is -1 where it shines inwards
+    Float position_error = 0, side = 1; // the same; side is -1 if it emits inwards
     Float probability = 0;              // of picking the light
     Float area_pdf = 0;                 // of a point of its shape, per area, times `probability`
     Float primitive_count = 1;          // of triangles or a parallelogram
@@ -52,7 +52,7 @@ struct alignas(64) LightRecord {
     BoolOf<Float> is(LightKind k) const { return kind == static_cast<std::int32_t>(k); }
 };
 
-// A triangle or parallelogram that shines, also in one line.
+// An emitting triangle or parallelogram, also in one cache line.
 template <class Float>
 struct alignas(64) LightPrimitive {
     Vec3<Float> corner;
@@ -61,11 +61,11 @@ struct alignas(64) LightPrimitive {
     Float unused1 = 0;
     Vec3<Float> edge2;
     Float unused2 = 0;
-    Vec3<Float> normal; // on the side that shines
+    Vec3<Float> normal; // on the emitting side
     Float unused3 = 0;
 };
 
-// All lights of a scene, picked by power and evenly.
+// All lights of a scene, selected by power and uniformly.
 class LightPicker {
 public:
     LightPicker() = default;

@@ -14,7 +14,7 @@ namespace lajolla {
 
 struct PointLight {
     static constexpr const char *name = "point";
-    static constexpr const char *doc = "A point that shines equally in all directions.";
+    static constexpr const char *doc = "An isotropic point light.";
     Vec3f position{0};
     Spectrum intensity{1};
 
@@ -31,7 +31,7 @@ struct PointLight {
 
 struct DirectionalLight {
     static constexpr const char *name = "directional";
-    static constexpr const char *doc = "Parallel light from infinitely far away.";
+    static constexpr const char *doc = "A directional light, infinitely far away.";
     Vec3f direction{0, 0, 1};
     Spectrum irradiance{1};
 
@@ -52,7 +52,7 @@ struct DirectionalLight {
 
 struct SpotLight {
     static constexpr const char *name = "spot";
-    static constexpr const char *doc = "A point that shines in a cone around +z, before to_world.";
+    static constexpr const char *doc = "A spot light along +z, before to_world.";
     Spectrum intensity{1};
     Texture<Spectrum> texture{Spectrum(1)};
     float cutoff_angle = 20, beam_width = -1;

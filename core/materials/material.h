@@ -1,6 +1,6 @@
 #pragma once
-// The material slot of a shape: a tree whose leaves are BSDFs. Its inner nodes, the adapters, choose between
-// materials, cut holes, or turn the normal; none of them is a BSDF, so lobes stay small however deep they
+// The material of a shape: a tree whose leaves are BSDFs. Its inner nodes, the adapters, select between
+// materials, mask, or change the normal; none of them is a BSDF, so lobes stay small however deep they
 // nest.
 
 #include <array>
@@ -24,7 +24,7 @@ struct MaterialId {
     friend constexpr bool operator==(const MaterialId &, const MaterialId &) = default;
 };
 
-// Two-sidedness is a pair of materials. A BSDF that light passes through serves both sides wherever it
+// One tree for each side. A transmissive BSDF applies to both sides wherever it
 // stands.
 struct Material {
     MaterialId front;
@@ -46,20 +46,19 @@ struct Blend {
 
 struct Mask {
     static constexpr const char *name = "mask";
-    static constexpr const char *doc = "A material with holes.";
+    static constexpr const char *doc = "Opacity mask.";
     Texture<float> opacity{0.5f};
     MaterialId child;
 
     static constexpr auto fields() {
-        return std::tuple(
-            field("opacity", &Mask::opacity, "fraction of light that the material stops").range(0, 1),
-            field("child", &Mask::child, "the material"));
+        return std::tuple(field("opacity", &Mask::opacity, "0 is transparent, 1 is opaque").range(0, 1),
+                          field("child", &Mask::child, "the material"));
     }
 };
 
 struct BumpMap {
     static constexpr const char *name = "bumpmap";
-    static constexpr const char *doc = "A material whose normals are those of a displaced surface.";
+    static constexpr const char *doc = "Bump mapping: shading normals of a displaced surface.";
     Texture<float> map{0};
     float scale = 1;
     bool flip_invalid_normals = true, use_shadowing_function = true;
@@ -72,13 +71,13 @@ struct BumpMap {
                           field("use_shadowing_function", &BumpMap::use_shadowing_function, shadowing_doc),
                           field("child", &BumpMap::child, "the material"));
     }
-    static constexpr const char *flip_doc = "normals that face away from the viewer turn half around";
-    static constexpr const char *shadowing_doc = "light that bumps would block fades out";
+    static constexpr const char *flip_doc = "flip normals that face away from the viewer";
+    static constexpr const char *shadowing_doc = "attenuate light that bumps would block";
 };
 
 struct NormalMap {
     static constexpr const char *name = "normalmap";
-    static constexpr const char *doc = "A material whose normals come from a texture.";
+    static constexpr const char *doc = "Normal mapping: shading normals from a texture.";
     Texture<Spectrum> normalmap{Spectrum(0.5f, 0.5f, 1)};
     float scale = 1;
     bool flip_invalid_normals = true, use_shadowing_function = true;
@@ -96,7 +95,7 @@ struct NormalMap {
 
 using Adapter = std::variant<Blend, Mask, BumpMap, NormalMap>;
 
-// Turns the normal as a map does at a hit, seen from `wo`.
+// The shading normal of a map at a hit, seen from `wo`.
 template <class Float>
 void turn(const BumpMap &map, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
           MappedNormal<Float> &normal);
@@ -104,7 +103,7 @@ template <class Float>
 void turn(const NormalMap &map, const TextureReader<Float> &read, const Hit<Float> &hit,
           const Vec3<Float> &wo, MappedNormal<Float> &normal);
 
-// The materials of a scene, ready to be asked at hits.
+// The materials of a scene.
 class Materials {
 public:
     Materials() = default;

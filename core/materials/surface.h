@@ -85,7 +85,7 @@ template <class Float>
 ShadingFrame<Float> shading_frame(const BsdfTraits &traits, const Hit<Float> &hit, const Vec3<Float> &wo,
                                   const MappedNormal<Float> &normal, BoolOf<Float> turned) {
     const SeenNormals<Float> seen = seen_from(wo, hit.normal, normal);
-    // Towards the viewer, until it is known whether the lobe tells the sides apart.
+    // Towards the viewer, until it is known whether the lobe distinguishes the sides.
     Vec3<Float> n = seen.shading;
     const auto differs = !(n == seen.geometric);
     if (any(differs))

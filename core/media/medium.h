@@ -20,7 +20,7 @@ struct Coefficients {
 
 struct Homogeneous {
     static constexpr const char *name = "homogeneous";
-    static constexpr const char *doc = "The same everywhere.";
+    static constexpr const char *doc = "A homogeneous medium.";
     Spectrum sigma_a{0.25f}, sigma_s{0.75f}, emission{0};
     PhaseId phase;
 
@@ -32,7 +32,7 @@ struct Homogeneous {
                                 "length is this times "
                                 "sigma_a")
                               .range(0),
-                          field("phase", &Homogeneous::phase, "into which directions it scatters"));
+                          field("phase", &Homogeneous::phase, "phase function"));
     }
 
     // Whether collisions are sampled, where media scatter; what only absorbs is known in closed form.
@@ -42,7 +42,7 @@ struct Homogeneous {
 
 struct Heterogeneous {
     static constexpr const char *name = "heterogeneous";
-    static constexpr const char *doc = "Varies in space. Where the volume of sigma_t ends, the medium ends.";
+    static constexpr const char *doc = "A heterogeneous medium; it ends where the volume of sigma_t ends.";
     Volume<Spectrum> sigma_t{Spectrum(1)}, albedo{Spectrum(0.75f)}, emission{Spectrum(0)};
     float scale = 1;
     PhaseId phase;
@@ -59,7 +59,7 @@ struct Heterogeneous {
                   "the absorption")
                 .range(0),
             field("scale", &Heterogeneous::scale, "multiplies the extinction").range(0),
-            field("phase", &Heterogeneous::phase, "into which directions it scatters"));
+            field("phase", &Heterogeneous::phase, "phase function"));
     }
 
     bool collides(bool) const { return true; }

@@ -46,23 +46,42 @@ void complete_normals(MeshData &mesh) {
         else missing.push_back(vertex);
     }
     if (missing.empty()) return;
+    mesh.mended = true;
     std::vector<Vector> sums = area_weighted_normals(mesh);
     for (size_t vertex : missing) // where only degenerate triangles touch it, any direction will do
         mesh.normals[vertex] = unit(sums[vertex]).value_or(Vec3f(0, 0, 1));
 }
 
-float finite_or_zero(float value) { return std::isfinite(value) ? value : 0; }
+bool is_finite(const Vec3f &p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
+
+/// Vertices that nothing uses go where another one is, so that the mesh keeps its bounds.
+void complete_positions(MeshData &mesh) {
+    std::vector<size_t> missing;
+    for (size_t vertex = 0; vertex < mesh.positions.size(); ++vertex)
+        if (!is_finite(mesh.positions[vertex])) missing.push_back(vertex);
+    if (missing.empty()) return;
+    mesh.mended = true;
+    for (const MeshData::Triangle &t : mesh.triangles)
+        for (uint32_t vertex : t)
+            if (!is_finite(mesh.positions[vertex]))
+                throw MeshError("the position of vertex " + std::to_string(vertex) + " is not finite");
+    const Vec3f elsewhere = mesh.triangles.empty() ? Vec3f(0) : mesh.positions[mesh.triangles[0][0]];
+    for (size_t vertex : missing) mesh.positions[vertex] = elsewhere;
+}
+
+void make_finite(float &value, bool &mended) {
+    if (std::isfinite(value)) return;
+    value = 0;
+    mended = true;
+}
 
 } // namespace
 
 void finish(MeshData &mesh) {
-    for (size_t i = 0; i < mesh.positions.size(); ++i)
-        if (const Vec3f &p = mesh.positions[i];
-            !std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
-            throw MeshError("the position of vertex " + std::to_string(i) + " is not finite");
-    for (Vec2f &uv : mesh.uvs) uv = {finite_or_zero(uv.x), finite_or_zero(uv.y)};
+    complete_positions(mesh);
+    for (Vec2f &uv : mesh.uvs) make_finite(uv.x, mesh.mended), make_finite(uv.y, mesh.mended);
     for (MeshData::Attribute &attribute : mesh.attributes)
-        for (float &value : attribute.values) value = finite_or_zero(value);
+        for (float &value : attribute.values) make_finite(value, mesh.mended);
     complete_normals(mesh);
 }
 

@@ -40,7 +40,7 @@ struct MeshData {
     std::vector<std::string> material_libraries; // `mtllib` names; OBJ only
     std::string name;                            // serialized version 4 only
     bool face_normals = false;                   // the file asks for flat faces; serialized only
-    bool concave = false;                        // a polygon could not be cut into a fan
+    bool mended = false; // concave polygons or missing values, of which other programs make something else
 };
 
 /// What is wrong with a mesh file, and where: a line number for text, a byte offset for binary data.
@@ -51,8 +51,8 @@ public:
 
 /// Makes the promises of `MeshData` true for freshly read arrays whose indices are in range already: normals
 /// become unit vectors (missing ones, stored as zero, become the area-weighted mean of the adjacent faces),
-/// and values other than positions that are not finite become zero.
-/// @throws MeshError if a position is not finite.
+/// values that are not finite become zero, and positions of which no triangle is made that of another vertex.
+/// @throws MeshError if a position is not finite and a triangle uses it.
 void finish(MeshData &mesh);
 
 } // namespace lajolla

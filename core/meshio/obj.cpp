@@ -3,6 +3,7 @@
 #include "meshio/polygon.h"
 #include "meshio/text.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -83,7 +84,10 @@ struct ObjState {
     std::vector<uint32_t> face; // corners of the face that is read, and where they are
     std::vector<Vec3f> outline;
     PolygonCutter cutter;
+    bool has_no_numbers = false; // among positions and normals, whether faces use them or not
 };
+
+bool is_finite(const Vec3f &v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
 /// Moves to the next argument of the statement, over continuation lines. False where the statement ends.
 bool next_argument(TextCursor &text) {
@@ -118,11 +122,7 @@ size_t read_numbers(TextCursor &text, std::span<float> out, size_t needed, const
 
 void read_position(TextCursor &text, ObjState &obj) {
     std::array<float, 6> values{};
-    size_t line = text.line;
     size_t count = read_numbers(text, values, 3, "vertex position");
-    for (size_t axis = 0; axis < 3; ++axis)
-        if (!std::isfinite(values[axis]))
-            fail({text.at, text.end, line}, "the vertex position is not finite");
     if (count == 6) {
         obj.colors.resize(obj.positions.size(), Vec3f(1)); // white where earlier vertices had none
         obj.colors.emplace_back(values[3], values[4], values[5]);
@@ -130,6 +130,7 @@ void read_position(TextCursor &text, ObjState &obj) {
         obj.colors.emplace_back(1.f);
     }
     obj.positions.emplace_back(values[0], values[1], values[2]);
+    obj.has_no_numbers |= !is_finite(obj.positions.back());
 }
 
 void read_uv(TextCursor &text, ObjState &obj) {
@@ -142,6 +143,7 @@ void read_normal(TextCursor &text, ObjState &obj) {
     std::array<float, 3> values{};
     read_numbers(text, values, 3, "normal");
     obj.normals.emplace_back(values[0], values[1], values[2]);
+    obj.has_no_numbers |= !is_finite(obj.normals.back());
 }
 
 /// Indices count from 1, or backwards from the latest element if negative.
@@ -189,8 +191,11 @@ void read_face(TextCursor &text, ObjState &obj) {
     obj.outline.clear();
     while (next_argument(text)) {
         const Corner corner = read_corner(text, obj);
+        const Vec3f &position = obj.positions[corner.position];
+        if (!is_finite(position))
+            fail(text, "face: vertex " + std::to_string(corner.position + 1) + " is not finite");
         obj.face.push_back(obj.table.number_of(corner));
-        obj.outline.push_back(obj.positions[corner.position]);
+        obj.outline.push_back(position);
     }
     for (const PolygonCutter::Triangle &t : obj.cutter.cut(obj.outline)) {
         obj.triangles.push_back({obj.face[t[0]], obj.face[t[1]], obj.face[t[2]]});
@@ -252,6 +257,12 @@ RoomyVector<T> gather(const std::vector<Corner> &corners, const std::vector<T> &
     return any ? std::move(result) : RoomyVector<T>();
 }
 
+/// Whether some corners have a number and others have none.
+bool is_given_in_part(const std::vector<Corner> &corners, uint32_t Corner::*number) {
+    const auto given = std::ranges::count_if(corners, [=](const Corner &c) { return c.*number != absent; });
+    return given > 0 && static_cast<size_t>(given) < corners.size();
+}
+
 MeshData::Attribute gather_colors(const ObjState &obj) {
     MeshData::Attribute colors{"vertex_color", 3, false, {}};
     for (const Corner &corner : obj.table.corners) {
@@ -296,7 +307,7 @@ MeshData read_obj(std::span<const std::byte> file, int shape_index) {
     if (obj.materials.size() > 1) group_triangles(obj, mesh);
     else mesh.triangles = std::move(obj.triangles);
     mesh.material_libraries = std::move(obj.libraries);
-    mesh.concave = obj.cutter.met_concave;
+    mesh.mended = obj.cutter.met_concave || obj.has_no_numbers || is_given_in_part(corners, &Corner::uv);
     finish(mesh);
     return mesh;
 }

@@ -432,7 +432,7 @@ void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count
             source.fail("the mesh has more than 2^32 triangles");
     }
     for (Field &field : fields) mesh.attributes.push_back(to_attribute(field, true));
-    mesh.concave = cutter.met_concave;
+    mesh.mended |= cutter.met_concave;
 }
 
 template <class Source>

@@ -11,7 +11,7 @@ namespace lajolla {
 /// coordinates (texture_u texture_v, s t or u v), colours (r g b or red green blue, giving "vertex_color")
 /// and groups of 1 or 3 properties that share a prefix (w_0; tint_r tint_g tint_b; see Mitsuba 3's PLY
 /// plugin), which become attributes. Integer colours are divided by the largest value of their type, and
-/// decoded where `srgb_colors` tells that they are encoded. Faces are polygons (`element face`), with texture
+/// decoded if `srgb_colors` is set. Faces are polygons (`element face`), with texture
 /// coordinates of their corners if there is a list `texcoord`, or triangle strips (`element tristrips`).
 /// Other properties and elements are skipped.
 /// @throws MeshError

@@ -9,7 +9,7 @@
 namespace lajolla {
 namespace {
 
-/// Tells underflow from overflow in a number that std::from_chars called out of range.
+/// Distinguishes underflow from overflow of a number that std::from_chars called out of range.
 bool is_tiny(std::string_view number) {
     size_t exponent = number.find_first_of("eE");
     if (exponent != std::string_view::npos) return number[exponent + 1] == '-';

@@ -33,7 +33,7 @@ using Table = nb::ndarray<const T, nb::shape<-1, static_cast<Py_ssize_t>(N)>, nb
 struct LoadedMesh : Mesh {
     std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t>> groups;
     std::vector<std::string> material_libraries;
-    bool face_normals = false, concave = false;
+    bool face_normals = false, mended = false;
 };
 
 template <std::size_t N, class Elements, class T>
@@ -77,7 +77,7 @@ std::shared_ptr<LoadedMesh> from_file(MeshData data, bool flip_uvs) {
         mesh->groups.emplace_back(group.material, group.first_triangle, group.triangle_count);
     mesh->material_libraries = std::move(data.material_libraries);
     mesh->face_normals = data.face_normals;
-    mesh->concave = data.concave;
+    mesh->mended = data.mended;
     return mesh;
 }
 
@@ -115,7 +115,7 @@ std::shared_ptr<LoadedMesh> changed(const LoadedMesh &mesh, Mesh arrays) {
     result->groups = mesh.groups;
     result->material_libraries = mesh.material_libraries;
     result->face_normals = mesh.face_normals;
-    result->concave = mesh.concave;
+    result->mended = mesh.mended;
     return result;
 }
 
@@ -217,12 +217,14 @@ void bind_meshes(nb::module_ &m) {
                 "(material name, first face, number of faces) of an OBJ file's usemtl.")
         .def_ro("material_libraries", &LoadedMesh::material_libraries, "File names of an OBJ file's mtllib.")
         .def("with_smooth_normals", &smoothed, "max_angle_degrees"_a,
-             "A mesh with angle-weighted vertex normals; edges sharper than the angle stay sharp.")
+             "A mesh with angle-weighted vertex normals; edges with a larger angle stay hard.")
         .def("with_vertex_normals", &with_normals, "to_world"_a,
              "A mesh with angle-weighted normals at its vertices, as they are in the world.")
         .def("part", &part, "first_face"_a, "count"_a, "A mesh of consecutive faces.")
         .def_ro("face_normals", &LoadedMesh::face_normals, "Whether the file asks for flat faces.")
-        .def_ro("concave", &LoadedMesh::concave, "Whether polygons of the file could not be cut into fans.");
+        .def_ro("mended", &LoadedMesh::mended,
+                "Whether the file has concave polygons or lacks values: other programs may make something "
+                "else of it.");
 
     nb::class_<CurveSet>(m, "Curves", "Control points of curves.")
         .def(nb::new_(&make_curves), "points"_a, "segments"_a,

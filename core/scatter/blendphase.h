@@ -7,7 +7,7 @@ namespace lajolla {
 // Has no lobe of its own: prepare() in phases.h puts those of its parts side by side.
 struct BlendPhase {
     static constexpr const char *name = "blendphase";
-    static constexpr const char *doc = "Two phase functions mixed.";
+    static constexpr const char *doc = "A mixture of two phase functions.";
     Volume<float> weight{0.5f};
     PhaseId phase_0, phase_1;
 

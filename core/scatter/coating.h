@@ -36,7 +36,7 @@ struct CoatingOf {
                 .range(least_index, largest_index),
             field("ext_ior", &CoatingOf::ext_ior, "index of refraction outside")
                 .range(least_index, largest_index),
-            field("distribution", &CoatingOf::distribution, "statistics of the microfacets"),
+            field("distribution", &CoatingOf::distribution, "microfacet distribution"),
             field("alpha", &CoatingOf::alpha, "roughness of the layer; 0 is smooth").range(0));
     }
     BsdfTraits traits() const {
@@ -111,8 +111,8 @@ struct CoatingOf {
         Rgb<Float> passed(const Side &o, const Side &i) const {
             const Float through = o.through * i.through;
             if (!any(max_component(absorption) > 0.0f)) return Rgb<Float>(through);
-            const Float ways = 1 / o.inner.z + 1 / i.inner.z;
-            const auto left = [&](Float a) { return through * select(a > 0.0f, exp(-a * ways), Float(1)); };
+            const Float length = 1 / o.inner.z + 1 / i.inner.z;
+            const auto left = [&](Float a) { return through * select(a > 0.0f, exp(-a * length), Float(1)); };
             return {left(absorption.x), left(absorption.y), left(absorption.z)};
         }
         // The probability of sampling the layer.

@@ -14,7 +14,7 @@ struct DisneyDiffuse {
     static constexpr auto fields() {
         return std::tuple(
             field("base_color", &DisneyDiffuse::base_color, "fraction of light reflected").range(0, 1),
-            field("roughness", &DisneyDiffuse::roughness, "rough surfaces shine back at grazing angles")
+            field("roughness", &DisneyDiffuse::roughness, "also controls retroreflection at grazing angles")
                 .range(0, 1),
             field("subsurface", &DisneyDiffuse::subsurface, "flatter, as if light spread under the surface")
                 .range(0, 1));

@@ -8,7 +8,7 @@
 
 namespace lajolla {
 
-// The two ways on at the boundary of two dielectrics.
+// Reflection and refraction at a dielectric boundary.
 template <class Float>
 struct DielectricSplit {
     Float reflectance;
@@ -96,7 +96,7 @@ inline void check_indices(float int_ior, float ext_ior) {
                                     std::to_string(int_ior) + " and " + std::to_string(ext_ior));
 }
 
-// The index of a rough boundary that bends light enough for its facet's normal to be told from both
+// The index of a rough boundary that refracts enough for the facet's normal to be computed from both
 // directions.
 inline float bending_index(float eta) {
     if (abs(eta - 1) >= 1e-3f) return eta;

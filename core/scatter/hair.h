@@ -117,7 +117,7 @@ struct Hair {
                 const Float sin_t = clamp(h * cosine / inside, -1.0f, 1.0f),
                             cos_t = safe_sqrt(1 - sin_t * sin_t);
                 gamma_t = atan2(sin_t, cos_t);
-                // The length of a passage over the fibre's radius: 2 cos(gamma_t) / cos(theta_t)
+                // Length of a segment inside the fibre over its radius: 2 cos(gamma_t) / cos(theta_t)
                 const Rgb<Float> t = exp(sigma_a * (-2 * cos_t * fibre.eta / inside));
                 const Float f = fresnel_dielectric(abs(wo.z), fibre.eta).reflectance;
                 attenuation[0] = Rgb<Float>(f);
@@ -146,7 +146,7 @@ struct Hair {
             Float rest; // of the number
             Float probability, variance, exit;
             Vec2<Float> from;             // tilted longitude
-            BoolOf<Float> is_last = true; // of all passages through the fibre from the third on
+            BoolOf<Float> is_last = true; // of all segments inside the fibre from the third on
         };
         Chosen choose(const Outgoing &outgoing, Float u) const {
             Chosen chosen{u, outgoing.probability[0], fibre->variance[0], outgoing.exit(0),

@@ -8,7 +8,7 @@ namespace lajolla {
 // Henyey and Greenstein 1941, "Diffuse radiation in the Galaxy".
 struct HenyeyGreenstein {
     static constexpr const char *name = "hg";
-    static constexpr const char *doc = "Scatters forwards (g > 0) or backwards (g < 0).";
+    static constexpr const char *doc = "Henyey-Greenstein: forward (g > 0) or backward (g < 0) scattering.";
     float g = 0.8f;
 
     static constexpr auto fields() {

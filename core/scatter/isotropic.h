@@ -7,7 +7,7 @@ namespace lajolla {
 
 struct Isotropic {
     static constexpr const char *name = "isotropic";
-    static constexpr const char *doc = "Scatters into all directions alike.";
+    static constexpr const char *doc = "Isotropic scattering.";
 
     static constexpr auto fields() { return std::tuple(); }
 

@@ -158,7 +158,7 @@ inline void Measurement::check(const MeasuredTables &t) {
     require(t.colour, 3 * slices, "colour");
 }
 
-// Half of the area of a GGX surface has a slope below alpha: the median slope tells how wide the lobe is.
+// Half of the area of a GGX surface has a slope below alpha: the median slope measures the width of the lobe.
 inline float Measurement::roughness_of(const MeasuredTables::Square &ndf) {
     const auto width = static_cast<std::size_t>(ndf.grid.width),
                height = static_cast<std::size_t>(ndf.grid.height);
@@ -180,7 +180,7 @@ inline float Measurement::roughness_of(const MeasuredTables::Square &ndf) {
 
 struct Measured {
     static constexpr const char *name = "measured";
-    static constexpr const char *doc = "A material as a goniophotometer saw it (Dupuy and Jakob 2018).";
+    static constexpr const char *doc = "A measured material (Dupuy and Jakob 2018).";
     std::shared_ptr<const Measurement> measurement;
 
     static constexpr auto fields() {

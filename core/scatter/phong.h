@@ -9,7 +9,7 @@ namespace lajolla {
 // "Using the Modified Phong Reflectance Model for Physically Based Rendering".
 struct Phong {
     static constexpr const char *name = "phong";
-    static constexpr const char *doc = "A diffuse base with highlights, as in the early days.";
+    static constexpr const char *doc = "Phong model: a diffuse component and a highlight.";
     Texture<float> exponent{30};
     Texture<Spectrum> diffuse_reflectance{Spectrum(0.5f)}, specular_reflectance{Spectrum(0.2f)};
 

@@ -24,7 +24,7 @@ struct Plastic {
             field("specular_reflectance", &Plastic::specular_reflectance,
                   "tints the reflection; 1 is physical")
                 .range(0, 1),
-            field("nonlinear", &Plastic::nonlinear, "let colours deepen as light bounces under the coat"));
+            field("nonlinear", &Plastic::nonlinear, "saturate colours by scattering under the coat"));
     }
 
     BsdfTraits traits() const { return {.diffuse_colour = &diffuse_reflectance}; }

@@ -93,7 +93,7 @@ private:
     struct Choice {                   // probabilities
         Float diffuse, coat, surface; // the first with the lost light
     };
-    // The two ways on from a facet.
+    // Reflection and refraction at a microfacet.
     struct Split {
         Rgb<Float> reflected, transmitted;
         Float p_reflect, p_transmit; // of choosing either; zero where it is black

@@ -12,7 +12,7 @@ namespace lajolla {
 struct PrincipledThin {
     static constexpr const char *name = "principledthin";
     static constexpr const char *doc =
-        "Leaves, paper, foils and panes: a surface without inside, as Mitsuba 3 defines it (Burley 2015).";
+        "Leaves, paper and films: a surface without interior, as in Mitsuba 3 (Burley 2015).";
     Texture<Spectrum> base_color{Spectrum(0.5f)};
     Texture<float> roughness{0.5f}, anisotropic{0}, spec_trans{0}, eta{1.5f}, spec_tint{0}, sheen{0},
         sheen_tint{0}, flatness{0}, diff_trans{0};

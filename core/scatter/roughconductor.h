@@ -17,7 +17,7 @@ struct RoughConductor {
 
     static constexpr auto fields() {
         return std::tuple(
-            field("distribution", &RoughConductor::distribution, "statistics of the microfacets"),
+            field("distribution", &RoughConductor::distribution, "microfacet distribution"),
             field("alpha_u", &RoughConductor::alpha_u, "roughness along the tangent, at least 0.0001")
                 .range(0),
             field("alpha_v", &RoughConductor::alpha_v, "roughness across the tangent, at least 0.0001")

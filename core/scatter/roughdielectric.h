@@ -12,7 +12,7 @@ namespace lajolla {
 
 struct RoughDielectric {
     static constexpr const char *name = "roughdielectric";
-    static constexpr const char *doc = "Frosted glass: a rough boundary that reflects and refracts.";
+    static constexpr const char *doc = "Rough glass: a rough boundary that reflects and refracts.";
     MicrofacetKind distribution = MicrofacetKind::beckmann;
     Texture<float> alpha_u{0.1f}, alpha_v{0.1f};
     float int_ior = 1.5046f, ext_ior = 1.000277f;
@@ -21,7 +21,7 @@ struct RoughDielectric {
 
     static constexpr auto fields() {
         return std::tuple(
-            field("distribution", &RoughDielectric::distribution, "statistics of the microfacets"),
+            field("distribution", &RoughDielectric::distribution, "microfacet distribution"),
             field("alpha_u", &RoughDielectric::alpha_u, "roughness along the tangent, at least 0.0001")
                 .range(0),
             field("alpha_v", &RoughDielectric::alpha_v, "roughness across the tangent, at least 0.0001")
@@ -219,7 +219,7 @@ struct RoughDielectric {
         check_indices(int_ior, ext_ior);
         if (int_ior == ext_ior)
             throw std::invalid_argument(
-                "int_ior and ext_ior must differ: a rough boundary bends no light at " +
+                "int_ior and ext_ior must differ: a rough boundary does not refract light at " +
                 std::to_string(int_ior) + " on both sides");
         if (!multiscatter) return;
         if (!(alpha_u == alpha_v)) // total reflection makes the loss a function that tables do not hold

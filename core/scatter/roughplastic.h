@@ -22,7 +22,7 @@ struct CosineTable {
 
 struct RoughPlastic {
     static constexpr const char *name = "roughplastic";
-    static constexpr const char *doc = "Dull plastic or varnish: a diffuse base under a rough clear coat.";
+    static constexpr const char *doc = "Rough plastic: a diffuse base under a rough clear coat.";
     MicrofacetKind distribution = MicrofacetKind::beckmann;
     float alpha = 0.1f;
     float int_ior = 1.49f, ext_ior = 1.000277f;
@@ -31,7 +31,7 @@ struct RoughPlastic {
 
     static constexpr auto fields() {
         return std::tuple(
-            field("distribution", &RoughPlastic::distribution, "statistics of the microfacets"),
+            field("distribution", &RoughPlastic::distribution, "microfacet distribution"),
             field("alpha", &RoughPlastic::alpha, "roughness of the coat, at least 0.0001").range(0),
             field("int_ior", &RoughPlastic::int_ior, "index of refraction of the coat")
                 .range(least_index, largest_index),
@@ -43,8 +43,7 @@ struct RoughPlastic {
             field("specular_reflectance", &RoughPlastic::specular_reflectance,
                   "tints the reflection; 1 is physical")
                 .range(0, 1),
-            field("nonlinear", &RoughPlastic::nonlinear,
-                  "let colours deepen as light bounces under the coat"),
+            field("nonlinear", &RoughPlastic::nonlinear, "saturate colours by scattering under the coat"),
             field("multiscatter", &RoughPlastic::multiscatter,
                   "let the base have the light that bounces between microfacets"));
     }

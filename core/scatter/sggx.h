@@ -11,7 +11,7 @@ namespace lajolla {
 // distributed as those of an ellipsoid.
 struct Sggx {
     static constexpr const char *name = "sggx";
-    static constexpr const char *doc = "Tiny flat mirrors: fibres and surfaces seen from afar.";
+    static constexpr const char *doc = "Microflakes (SGGX): fibres and distant surfaces.";
     Volume<SymmetricMatrix> S{SymmetricMatrix{}};
 
     static constexpr auto fields() {

@@ -8,7 +8,7 @@ namespace lajolla {
 struct ThinDielectric {
     static constexpr const char *name = "thindielectric";
     static constexpr const char *doc =
-        "Window pane: a sheet of glass too thin to shift what is seen through it.";
+        "Thin sheet of glass, such as a window: refraction does not shift what is behind it.";
     float int_ior = 1.5046f, ext_ior = 1.000277f;
     Texture<Spectrum> specular_reflectance{Spectrum(1)}, specular_transmittance{Spectrum(1)};
 

@@ -12,7 +12,7 @@ constexpr auto choices(WardVariant) { return std::array{"ward", "ward-duer", "ba
 // Ward 1992, "Measuring and Modeling Anisotropic Reflection".
 struct Ward {
     static constexpr const char *name = "ward";
-    static constexpr const char *doc = "A diffuse base with elliptical highlights.";
+    static constexpr const char *doc = "Ward model: a diffuse component and an anisotropic highlight.";
     WardVariant variant = WardVariant::balanced;
     Texture<float> alpha_u{0.1f}, alpha_v{0.1f};
     Texture<Spectrum> diffuse_reflectance{Spectrum(0.5f)}, specular_reflectance{Spectrum(0.2f)};

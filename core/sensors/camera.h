@@ -81,7 +81,7 @@ struct ThinLens : Perspective {
             Perspective::fields(),
             std::tuple(
                 field("aperture_radius", &ThinLens::aperture_radius, "radius of the lens").range(0, 1e12),
-                field("focus_distance", &ThinLens::focus_distance, "distance along +z that is sharp")
+                field("focus_distance", &ThinLens::focus_distance, "distance along +z that is in focus")
                     .range(1e-6, 1e12)));
     }
     template <class Float>
@@ -121,7 +121,7 @@ struct Telecentric : Orthographic {
             Orthographic::fields(),
             std::tuple(
                 field("aperture_radius", &Telecentric::aperture_radius, "radius of the lens").range(0, 1e12),
-                field("focus_distance", &Telecentric::focus_distance, "distance along +z that is sharp")
+                field("focus_distance", &Telecentric::focus_distance, "distance along +z that is in focus")
                     .range(1e-6, 1e12)));
     }
     template <class Float>
@@ -147,7 +147,7 @@ private:
 
 struct RadianceMeter {
     static constexpr const char *name = "radiancemeter";
-    static constexpr const char *doc = "One ray, along +z: every pixel shows what it carries.";
+    static constexpr const char *doc = "Radiance along one ray in the direction +z.";
     Transform to_world;
 
     static constexpr auto fields() {

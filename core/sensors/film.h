@@ -39,7 +39,7 @@ struct Film {
 
 struct BoxFilter {
     static constexpr const char *name = "box";
-    static constexpr const char *doc = "Equal weight within the pixel.";
+    static constexpr const char *doc = "Box filter: equal weights within the pixel.";
     float filter_radius = 0.5f;
     static constexpr auto fields() {
         return std::tuple(
@@ -51,7 +51,7 @@ struct BoxFilter {
 
 struct TentFilter {
     static constexpr const char *name = "tent";
-    static constexpr const char *doc = "Falls off linearly.";
+    static constexpr const char *doc = "Tent filter: linear falloff.";
     float filter_radius = 1;
     static constexpr auto fields() {
         return std::tuple(
@@ -63,7 +63,8 @@ struct TentFilter {
 
 struct GaussianFilter {
     static constexpr const char *name = "gaussian";
-    static constexpr const char *doc = "A bell, cut at four standard deviations and lowered to vanish there.";
+    static constexpr const char *doc =
+        "Gaussian, truncated at four standard deviations and shifted to zero there.";
     float stddev = 0.5f;
     static constexpr auto fields() {
         return std::tuple(
@@ -78,8 +79,8 @@ struct GaussianFilter {
 
 struct MitchellFilter {
     static constexpr const char *name = "mitchell";
-    static constexpr const char *doc =
-        "Mitchell and Netravali's cubic (1988): sharper than a bell, with small negative lobes.";
+    static constexpr const char *doc = "Mitchell and Netravali's cubic (1988): preserves more detail than a "
+                                       "Gaussian, with small negative lobes.";
     float b = 1.0f / 3, c = 1.0f / 3;
     static constexpr auto fields() {
         return std::tuple(field("B", &MitchellFilter::b, "blurring"),
@@ -109,7 +110,8 @@ struct CatmullRomFilter {
 
 struct LanczosFilter {
     static constexpr const char *name = "lanczos";
-    static constexpr const char *doc = "A sinc windowed by a sinc: sharpest, with ringing.";
+    static constexpr const char *doc =
+        "Lanczos filter: a sinc windowed by a sinc; most detail, with ringing.";
     int lobes = 3;
     static constexpr auto fields() {
         return std::tuple(
@@ -172,7 +174,7 @@ struct SobolSampler : SamplerBase {
     static constexpr auto fields() {
         return std::tuple(
             field("sample_count", &SobolSampler::sample_count, "samples per pixel").range(1, 1 << 30),
-            field("seed", &SobolSampler::seed, "another seed, other noise").range(0));
+            field("seed", &SobolSampler::seed, "random seed").range(0));
     }
 };
 
@@ -183,7 +185,7 @@ struct IndependentSampler : SamplerBase {
     static constexpr auto fields() {
         return std::tuple(
             field("sample_count", &IndependentSampler::sample_count, "samples per pixel").range(1, 1 << 30),
-            field("seed", &IndependentSampler::seed, "another seed, other noise").range(0));
+            field("seed", &IndependentSampler::seed, "random seed").range(0));
     }
 };
 

@@ -65,7 +65,7 @@ template WideFloat Bitmap::level(WideFloat) const;
 template <class Float>
 Rgb<Float> Bitmap::look_up(const TexturePoint<Float> &at) const {
     const Vec2<Float> position = point_in_uv(to_uv, at.uv);
-    if (!at.filtered || !pixels.is_filtered()) return pixels.sharp(position);
+    if (!at.filtered || !pixels.is_filtered()) return pixels.unfiltered(position);
     const Float round_level = level(at.hit->uv_footprint());
     // A beam that a rough surface opened is blurred in every direction: its ellipse would cost and show
     // nothing.

@@ -25,7 +25,7 @@ struct TexturePoint {
     const Hit<Float> *hit = nullptr;
     const Shape *shapes = nullptr; // all of them: shapes[hit->shape] was hit
     Vec3<Float> wo;                // towards the viewer, where the texture is filtered
-    bool filtered = false;         // over the pixel's footprint; else as sharp as it is
+    bool filtered = false;         // over the pixel's footprint; else at full resolution
 };
 
 // Derivatives of a texture by u and v.
@@ -168,7 +168,7 @@ struct ScaledTexture {
 
 struct ClampedTexture {
     static constexpr const char *name = "clamped";
-    static constexpr const char *doc = "A texture whose values are brought between two limits.";
+    static constexpr const char *doc = "A texture clamped to a range.";
     Texture<Spectrum> texture{Spectrum(1)};
     float low = 0, high = 1;
 
@@ -284,7 +284,7 @@ public:
         return texture.is_constant() ? Float(texture.constant) : luminance(evaluate(texture.id));
     }
 
-    // Zero for textures that do not tell: they are flat but for edges, or do not depend on u and v.
+    // Zero for textures without derivatives: constant except at edges, or independent of u and v.
     UvGradient<Float> gradient(const Texture<Spectrum> &texture) const {
         return texture.is_constant() ? UvGradient<Float>{} : evaluate_gradient(texture.id);
     }

@@ -36,7 +36,7 @@ constexpr auto choices(Quantity) {
 
 struct FirstHit {
     static constexpr const char *name = "field";
-    static constexpr const char *doc = "One property of the first surface that a camera ray meets.";
+    static constexpr const char *doc = "One property of the first hit of each camera ray.";
     Quantity quantity = Quantity::depth;
     Spectrum undefined{0};
     int first_shape = 1;

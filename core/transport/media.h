@@ -1,5 +1,5 @@
 #pragma once
-// Light inside media: where a path collides on its way, and what remains of the light along a shadow ray.
+// Participating media: distance sampling along paths, and transmittance along shadow rays.
 // docs/media.md derives the estimators; the names are the same.
 
 #include <optional>
@@ -10,20 +10,20 @@
 
 namespace lajolla {
 
-// Flights and shadow rays end in darkness after more collisions than this: a guard against volumes of which a
+// Flights and shadow rays with more collisions are black: a guard against volumes of which a
 // corner is a million times as dense as the rest of its cell of the majorant grid.
 inline constexpr int max_collisions = 1 << 16;
 
-// What happens to a path on one straight piece of its way through a medium.
+// A sampled distance on a straight segment in a medium (free-flight sampling).
 struct Flight {
-    std::optional<Vec3f> collision;    // where it is scattered; none where it comes to the end of the piece
-    std::optional<Hit<float>> surface; // the end, where it is not what the path's ray found
-    Spectrum weight{1};                // of all that comes from there
-    Spectrum emitted{0};               // by the medium on the way, weighted
-    float pdf = 1;                     // of coming to the end: of all that did not happen
+    std::optional<Vec3f> collision;    // position of the scattering event; none if the end is reached
+    std::optional<Hit<float>> surface; // the end, if it is not the hit of the path's ray
+    Spectrum weight{1};                // of the light from there
+    Spectrum emitted{0};               // by the medium along the segment, weighted
+    float pdf = 1;                     // of reaching the end
 };
 
-// A place near a surface, more finely than coordinates can tell it: light enters a dense medium no deeper
+// A position near a surface, with more precision than coordinates have: light enters a dense medium no deeper
 // than a few ulps of them. Here the surface is a plane, and the medium is the same everywhere.
 class NearSurface {
 public:
@@ -72,14 +72,14 @@ private:
     Vec3f offset_;  // from the hit
 };
 
-// Between surfaces there is nothing: the loop is compiled for this where a scene has no media.
+// No media: the loop is compiled with this for scenes without them.
 struct Vacuum {
     static constexpr bool present = false;
 
-    // What remains of light along a shadow ray.
+    // The transmittance along a shadow ray.
     struct Transmittance {
         Spectrum weight{1};
-        float path_pdf = 1; // the probability of a path coming this far
+        float path_pdf = 1; // the probability that a path reaches this point
         const Spectrum &value() const { return weight; }
         void pass(const NullTransmission<float> &through) {
             weight *= through.transmittance;
@@ -97,14 +97,14 @@ struct Vacuum {
     float path_pdf(const Transmittance &light) const { return light.path_pdf; }
 };
 
-// What a path's state gains in media. Distances are sampled by the extinction of one channel. Each of the
-// three could have been the one, so the estimate is weighted by the balance heuristic over them (Miller et
+// The state of a path in media. Distances are sampled by the extinction of one channel. Each of the
+// three could have been chosen, so the estimate is weighted by the balance heuristic over them (Miller et
 // al. 2019, "A null-scattering path integral formulation of light transport").
 class InMedia {
 public:
     static constexpr bool present = true;
 
-    // What remains of light along a shadow ray.
+    // The transmittance along a shadow ray.
     struct Transmittance {
         Spectrum weight{1};
         Spectrum path_pdf{1}; // of a path coming this far, sampled by each channel: see Flight::pdf
@@ -132,7 +132,7 @@ public:
         return result;
     }
 
-    // Surfaces tell which medium a ray is in that leaves them.
+    // The surface determines the medium of a ray that leaves it.
     void cross(const Hit<float> &hit, const Vec3f &direction) {
         if (hit.interior >= 0 || hit.exterior >= 0)
             current = dot(hit.normal, direction) > 0 ? hit.exterior : hit.interior;
@@ -140,7 +140,7 @@ public:
         else near_.reset();
     }
 
-    // To what a path's ray found, or to a collision before. `u` is a uniform number; what it is afterwards
+    // Samples a flight up to the hit of a path's ray. `u` is a uniform number; its value afterwards
     // has not been used.
     Flight fly(const Scene &scene, Ray<float> ray, const std::optional<RayHit> &found, float &u);
 

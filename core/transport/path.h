@@ -5,12 +5,13 @@
 //     L(x_1, wo) = Le(x_1, wo) + integral of f(wo, wi) L(x_2, -wi) |cos wi| dwi,  x_2 = what is seen from x_1
 //     along wi,
 //
-// and a path grows from the camera, one vertex after the other: `emitted` gathers Le where the path hits
-// light, `direct` estimates the part of the integral that comes straight from lights by sampling these, and
-// `scatter` samples wi for all the rest. Light found both ways is weighted by multiple importance sampling.
+// and a path is extended from the camera vertex by vertex: `emitted` adds Le where the path hits
+// a light, `direct` estimates direct illumination by sampling lights, and
+// `scatter` samples wi for the rest. Light found by both techniques is weighted by multiple importance
+// sampling.
 //
-// The pieces are templates over the number type. Depth first, in this file, they follow one path to its end,
-// through surfaces and media; transport/wavefront.h lets them do a vertex of many paths at once, with the
+// The functions are templates over the number type. Here, they follow one path to its end (depth first)
+// through surfaces and media; transport/wavefront.h calls them for one vertex of many paths at once, with the
 // same bits.
 
 #include <array>
@@ -29,24 +30,24 @@ namespace lajolla {
 enum class Strategy { mis, bsdf, light };
 constexpr auto choices(Strategy) { return std::array{"mis", "bsdf", "light"}; }
 
-// Where roulette sets in at the latest, so that no path lasts for ever.
+// Depth from which roulette applies in any case, so that every path ends.
 inline constexpr int longest_without_roulette = 4096;
-// The highest chance of survival at surfaces. In media, where light is scattered by the thousand without
-// losing much, it would be ruinous: paths that have lost nothing go on there.
+// The highest survival probability at surfaces. In media, where light is scattered thousands of times without
+// losing much, it would increase variance: paths that have lost nothing continue there.
 inline constexpr float highest_survival = 0.95f;
 
-// A path on its way, or one in each lane.
+// The state of a path, or of one in each lane.
 template <class Float>
 struct PathState {
     Ray<Float> ray;
     RayCone<Float> cone;
     Vec3<Float> from;           // the vertex that the path left last, or the camera
-    Float pdf = 1;              // of the ray's direction, and of coming as far as it has
-    BoolOf<Float> delta = true; // light sampling had no chance to find this direction
+    Float pdf = 1;              // of the ray's direction and of reaching the current distance
+    BoolOf<Float> delta = true; // light sampling cannot produce this direction
     Rgb<Float> throughput{1};
-    Float eta = 1; // of the substance the ray is in, relative to the camera's
-    // A uniform number that decides what comes next along the ray: a collision in a medium, else going
-    // straight on through a surface, else which leaf of a blend scatters. Each decision leaves a number for
+    Float eta = 1; // index of refraction at the ray, relative to the camera's
+    // A uniform number for the next event along the ray: a collision in a medium, else passing
+    // straight through a surface, else the selection of a leaf of a blend. Each decision leaves a number for
     // the next.
     Float u_event = 0;
     IntOf<Float> depth = 1;              // segments so far
@@ -75,7 +76,7 @@ struct Path {
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const {
         return trace<Vacuum>(scene, tracer, sampler, primary);
     }
-    // Whether radiance() takes surfaces alone into account.
+    // Whether radiance() ignores media.
     bool is_vacuum(const Scene &) const { return true; }
 
     template <class Float>
@@ -93,7 +94,7 @@ struct Path {
         if (!all(path.delta)) light_pdf = scene.lights().pdf_hit(path.from, hit, path.ray.direction);
         return radiance * weight_of_hit(path, light_pdf);
     }
-    // The same of light around the scene, for a ray that hit nothing.
+    // The same for environment light, for a ray without hit.
     template <class Float>
     Rgb<Float> environment(const Scene &scene, const PathState<Float> &path) const {
         const Rgb<Float> radiance = scene.lights().environment(path.ray.direction);
@@ -116,7 +117,7 @@ struct Path {
         return bsdf.f_cos * light.radiance * (weight / (light.pdf * sqr(bsdf.eta)));
     }
 
-    // Lets a path go on from a surface in a sampled direction. Radiance over eta^2 is what stays constant
+    // Continues a path from a surface in a sampled direction. Radiance over eta^2 is constant
     // along a ray that refracts (Veach 1997, section 5.2).
     template <class Float>
     static void scatter(const Scene &scene, const Hit<Float> &hit, const BsdfSample<Float> &sample,
@@ -132,8 +133,8 @@ struct Path {
         path.depth += 1;
         path.null_transmissions = 0;
     }
-    // Russian roulette on the throughput without its eta^2, so that entering glass does not make paths die;
-    // `highest` chance of survival. False where the path ends.
+    // Russian roulette on the throughput without eta^2, so that paths entering glass are not terminated;
+    // `highest` survival probability. False if the path ends.
     template <class Float>
     BoolOf<Float> survives(const BounceSample<Float> &u, float highest, PathState<Float> &path) const {
         path.u_event = u.event;
@@ -147,7 +148,7 @@ struct Path {
         return !plays || u.roulette < survival;
     }
 
-    // Lets a path go straight on through a surface.
+    // Continues a path straight through a surface.
     template <class Float>
     static void pass_through(const Hit<Float> &hit, const NullTransmission<Float> &through,
                              PathState<Float> &path) {
@@ -159,7 +160,7 @@ struct Path {
         path.null_transmissions += 1;
     }
 
-    // Decides whether a path goes straight on through a surface that its ray hit, as through all that are
+    // Decides whether a path passes straight through the surface it hit, as through all that are
     // `hidden`; then does so.
     template <class Medium>
     static bool passes_through(const Scene &scene, const Hit<float> &hit, bool hidden, PathState<float> &path,
@@ -173,34 +174,34 @@ struct Path {
         return true;
     }
 
-    // A path as it is followed depth first; Medium is InMedia, or Vacuum.
+    // A path followed depth first; Medium is InMedia or Vacuum.
     template <class Medium>
     struct Walk {
         PathState<float> path;
         Medium medium;
         Spectrum radiance{0};
     };
-    // Follows a path along its ray, to what was found there, and lets it go on; false where it ends.
+    // Follows a path along its ray to its hit, and continues it; false if it ends.
     template <class Medium>
     bool step(const Scene &scene, Tracer &tracer, const Sampler &sampler, const std::optional<RayHit> &found,
               Walk<Medium> &walk) const;
 
-    // What becomes of a path at a surface that its ray meets, whose light it gathers.
+    // Processes the surface that a path hit, and adds its emission.
     enum class Outcome { passed, stopped, ended };
     template <class Medium>
     Outcome meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const;
-    // Gathers the light around the scene, where the ray meets nothing.
+    // Adds environment light for a ray without hit.
     template <class Medium>
     void leave_scene(const Scene &scene, Walk<Medium> &walk) const;
 
-    // Light that arrives at a vertex straight from a sampled point on a light, and is scattered along the
+    // Light from a sampled point on a light that is scattered at a vertex along the
     // path. For each such sample there are `directions` of the BSDF.
     template <class Vertex, class Medium>
     Spectrum direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex,
                           const BounceSample<float> &u, const Medium &medium, float directions = 1) const;
 
 protected:
-    // What the first steps of `volpath` leave out.
+    // What the lower versions of `volpath` omit.
     bool surfaces_scatter = true, media_scatter = true;
 
     // The radiance along a camera ray.
@@ -366,7 +367,7 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
     if (path.depth == max_depth || !surfaces_scatter) return false;
     if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return false;
     if (!is_finite(path.throughput)) [[unlikely]] {
-        walk.radiance = path.throughput; // whoever takes the sample counts it
+        walk.radiance = path.throughput; // counted by the caller
         return false;
     }
     return goes_on(sampler, u, highest_survival, walk);

@@ -6,8 +6,8 @@
 
 namespace lajolla {
 
-// More surfaces than any scene has a use for; a path or shadow ray that goes straight through more is ended,
-// so that none lasts forever.
+// The maximum number of surfaces that a path or shadow ray passes straight through,
+// so that every one ends.
 inline constexpr int max_null_transmissions = 1024;
 
 // From a point towards a sampled light, ending before its surface. `light.target` clears the error of the
@@ -20,7 +20,7 @@ Ray<Float> shadow_ray(const Vec3<Float> &origin, Float origin_error, const Direc
             select(distant, Float(infinity), far)};
 }
 
-// Lets a shadow ray that is attenuated up to a surface pass through it; false where that is opaque.
+// Multiplies a shadow ray's transmittance by that of a surface; false if it is opaque.
 template <class Medium>
 bool pass(const Scene &scene, const Hit<float> &hit, const DirectSample<float> &light, auto &&attenuate,
           Medium &medium, typename Medium::Transmittance &result) {
@@ -32,8 +32,8 @@ bool pass(const Scene &scene, const Hit<float> &hit, const DirectSample<float> &
     return true;
 }
 
-// What remains of a sampled light after its shadow ray, of which the first hit was found; nothing where
-// something opaque is in between. `error` is that of the vertex, before whose
+// The radiance of a sampled light times the transmittance of its shadow ray, whose first hit is given; 0 if
+// an opaque surface is in between. `error` is that of the vertex, before whose
 // light each part of the ray ends.
 template <class Medium>
 std::optional<typename Medium::Transmittance>

@@ -81,7 +81,7 @@ void Wavefront::for_each_packet(std::span<const std::int32_t> paths, F &&f) cons
     }
 }
 
-// The sign of the density tells whether light sampling had no chance.
+// The sign of the density marks that light sampling was impossible.
 PathState<WideFloat> Wavefront::load(const Packet &packet) const {
     const auto rows = [&](int i) {
         return load_rows([&](int k) { return row(&paths_[static_cast<std::size_t>(packet.paths[k])], i); });

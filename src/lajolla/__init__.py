@@ -70,7 +70,7 @@ _HOMES = {
     "LajollaWarning": "messages",
 }
 
-with suppress(processor.LevelError):  # who asks for the core is told, not who asks for help
+with suppress(processor.LevelError):  # an error when the core is used, not for --help
     __path__ += processor.core_folders(__path__)
 
 

@@ -1,4 +1,4 @@
-"""The command line's options: their names, the values they take, and what to say about wrong ones."""
+"""Command line options: names, values and error messages."""
 
 import argparse
 import difflib
@@ -16,7 +16,7 @@ ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .m"
 GENERAL = """\
 examples:
   lajolla render scene.xml                  writes scene.exr and scene.png
-  lajolla check scene.xml                   what is in it, and every warning
+  lajolla check scene.xml                   statistics and warnings, without rendering
   lajolla render --help                     the options of a command
 
 Errors end with exit code 1, interrupts with 130. Messages on a terminal are coloured, unless NO_COLOR is set;
@@ -31,11 +31,11 @@ examples:
   lajolla render scene.xml --pixel 10,20              the radiance of one pixel
   lajolla render - -o - --format png < scene.xml > picture.png
 
-Ctrl-C stops and saves the samples that are there.""",
+Ctrl-C stops rendering and saves the samples so far.""",
     "check": """\
 examples:
   lajolla check scene.xml
-  lajolla check --all folder                which scenes below a folder open
+  lajolla check --all folder                every scene below a folder
   lajolla check scene.xml --json            for programs""",
     "convert": """\
 examples:
@@ -62,7 +62,7 @@ examples:
 
 
 class UsageError(Exception):
-    """A command line that makes no sense; the message says why."""
+    """An invalid command line; the message states why."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -105,7 +105,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     if unknown:
         commands.get(arguments.command, parser).refuse_unknown(unknown)
     if arguments.command is None:
-        parser.error("which command? There is " + ", ".join(commands))
+        parser.error("a command is required: " + ", ".join(commands))
     if arguments.command == "render":
         _check_render(arguments, commands["render"])
     return arguments
@@ -115,7 +115,7 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
     if arguments.sample is not None and arguments.pixel is None:
         parser.error("--sample needs --pixel")
     if arguments.all_sensors and (arguments.sensor is not None or arguments.pixel is not None):
-        parser.error("--all-sensors goes with neither --sensor nor --pixel")
+        parser.error("--all-sensors cannot be combined with --sensor or --pixel")
     outputs = [str(path) for path in arguments.outputs or []]
     if str(arguments.scene) == "-" and not outputs and arguments.pixel is None:
         parser.error("a scene from standard input has no name for its picture: name it with -o")
@@ -127,7 +127,7 @@ def _refuse_command(word: str, commands: list[str]) -> NoReturn:
     if word == "test":
         raise UsageError("'test' belongs to a checkout of the source code: ./lajolla test")
     if word.lower().endswith(".xml"):
-        raise UsageError(f"which command? Perhaps: lajolla render {shlex.quote(word)}")
+        raise UsageError(f"a command is required; did you mean: lajolla render {shlex.quote(word)}")
     near = difflib.get_close_matches(word, commands, n=1)
     hint = f"did you mean {near[0]!r}?" if near else "there is " + ", ".join(commands)
     raise UsageError(f"unknown command {word!r}; {hint}")
@@ -165,7 +165,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
 
 
 def _add_file(parser: Parser) -> argparse._ArgumentGroup:
-    """The scene, and the options of how it is read; returns their group."""
+    """Adds the scene argument and the options of the reader; returns their group."""
     parser.add_argument(
         "scene",
         type=Path,
@@ -190,21 +190,23 @@ def _add_file(parser: Parser) -> argparse._ArgumentGroup:
 def _add_scene(parser: Parser) -> None:
     group = _add_file(parser)
     group.add_argument("--two-sided", action="store_true", help="opaque surfaces reflect on both sides")
-    group.add_argument(
-        "--sensor", metavar="N|ID", help="which of several sensors: its number, from 0, or its id"
-    )
+    group.add_argument("--sensor", metavar="N|ID", help="sensor to render: its number, from 0, or its id")
     group = parser.add_argument_group("picture")
-    group.add_argument("--size", type=_size, metavar="WxH", help="size of the film; drops the scene's crop")
+    group.add_argument(
+        "--size", type=_size, metavar="WxH", help="size of the film; removes the scene's crop window"
+    )
     group.add_argument("--crop", type=_crop, metavar="X,Y,W,H", help="render only this window of the film")
     group.add_argument("--spp", type=_whole("spp"), metavar="N", help="samples per pixel")
     group.add_argument("--seed", type=_whole("seed"), metavar="N", help="seed of the sampler")
     group.add_argument(
         "--sampler",
         choices=("sobol", "independent"),
-        help="points to sample with; sobol, which has the least noise, whatever the scene names",
+        help="sampler, instead of sobol, which has the least noise",
     )
     group.add_argument(
-        "--integrator", metavar="NAME", help="in place of the scene's (lajolla list integrator)"
+        "--integrator",
+        metavar="NAME",
+        help="integrator to use instead of the scene's (lajolla list integrator)",
     )
     group.add_argument(
         "--max-depth", type=_whole("max_depth"), metavar="N", help="longest path in segments; -1: no limit"
@@ -228,12 +230,12 @@ def _add_render(parser: Parser) -> None:
     group.add_argument(
         "--format",
         metavar="NAME",
-        help="exr, png, ...: of outputs whose name does not tell",
+        help="exr, png, ...: format of outputs without a known ending",
     )
     group.add_argument(
         "--all-sensors",
         action="store_true",
-        help="a picture for each sensor; files have its id or number after their name",
+        help="render one picture per sensor; its id or number is appended to file names",
     )
     group.add_argument("--half", action="store_true", help="16-bit instead of 32-bit EXR")
     group.add_argument(
@@ -246,7 +248,7 @@ def _add_render(parser: Parser) -> None:
     group.add_argument(
         "--tonemap",
         choices=("gamma", "reinhard"),
-        help="in place of the film's: exposure alone, or all of the range (Reinhard et al. 2002)",
+        help="tone mapping instead of the film's: exposure only, or Reinhard et al. 2002",
     )
     group = parser.add_argument_group("run")
     group.add_argument(
@@ -257,9 +259,7 @@ def _add_render(parser: Parser) -> None:
         "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
     )
     group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
-    group.add_argument(
-        "--sample", type=_whole("sample"), metavar="N", help="with --pixel: of this sample alone"
-    )
+    group.add_argument("--sample", type=_whole("sample"), metavar="N", help="with --pixel: only this sample")
 
 
 def _add_check(parser: Parser) -> None:
@@ -277,7 +277,7 @@ def _add_convert(parser: Parser) -> None:
     parser.add_argument(
         "--pack",
         action="store_true",
-        help="write all meshes as PLY into OUT's own folder of files instead of naming those of SCENE",
+        help="copy all meshes as PLY into the folder of OUT instead of referring to those of SCENE",
     )
 
 
@@ -296,7 +296,9 @@ def _add_list(parser: Parser) -> None:
 
 
 def _add_completion(parser: Parser) -> None:
-    parser.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh"), help="the shell to write for")
+    parser.add_argument(
+        "shell", choices=("bash", "zsh", "fish", "tcsh"), help="shell to generate the script for"
+    )
 
 
 def _whole(option: str) -> Callable[[str], int]:
@@ -310,7 +312,7 @@ def _whole(option: str) -> Callable[[str], int]:
 
 
 def _numbers(option: str, text: str, separator: str, form: str) -> tuple[int, ...]:
-    """Whole numbers that an option may be; `form` tells the user what was expected."""
+    """Whole numbers that an option may be; `form` describes the expected format."""
     try:
         values = tuple(int(part) for part in text.split(separator))
     except ValueError:
@@ -366,7 +368,7 @@ def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list
 
 
 def _refuse_devices(arguments: argparse.Namespace, count: int) -> None:
-    """They have room for one picture, and pipes for one file of any kind."""
+    """Standard output takes one picture, a pipe one file of any kind."""
     found = [path for path in arguments.outputs or [] if _is_stream(path)]
     stats = arguments.stats
     if stats is not None and str(stats) not in STREAMS and stats.is_fifo():

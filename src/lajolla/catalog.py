@@ -31,12 +31,12 @@ def listing(kind: str | None, name: str | None) -> Iterator[str]:
             yield from _names(each, everything[each])
         return
     if kind not in everything:
-        raise OptionError(f"there is no kind {kind!r} of plugins{suggestion(kind, everything)}")
+        raise OptionError(f"unknown kind {kind!r} of plugins{suggestion(kind, everything)}")
     if name is None:
         yield from _names(kind, everything[kind])
         return
     if name not in everything[kind]:
-        raise OptionError(f"there is no {kind} {name!r}{suggestion(name, everything[kind])}")
+        raise OptionError(f"unknown {kind} {name!r}{suggestion(name, everything[kind])}")
     yield from _parameters(kind, name, everything[kind][name])
 
 

@@ -20,7 +20,7 @@ from typing import BinaryIO
 
 import lajolla  # its modules are loaded when they are first used, which no --help does
 from lajolla.arguments import UsageError, for_each_sensor, parse, replay_command
-from lajolla.display import coloured, discard, progress_display, rate, safe_messages, say, tell
+from lajolla.display import coloured, discard, print_message, progress_display, rate, safe_messages, say
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
 LEAST_MEMORY = (
@@ -29,13 +29,13 @@ LEAST_MEMORY = (
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Runs one command line (by default the process's own) and returns its exit code."""
+    """Runs a command line (by default that of the process) and returns the exit code."""
     with safe_messages():
         return _reported(lambda: _run_command(_parsed(sys.argv[1:] if words is None else words)))
 
 
 def _reported(action: Callable[[], int], missing: str = "nothing was written") -> int:
-    """Does it; an error is one message and exit code 1, and an interrupt says what is missing."""
+    """Runs a command; errors become one message and exit code 1, interrupts report what is incomplete."""
     with handled_by(partial(end_at_once, message=missing)):
         try:
             return action()
@@ -73,7 +73,7 @@ def _check_memory_limit() -> None:
 
 
 def _run_command(arguments: argparse.Namespace) -> int:
-    """Runs a command; an error in a scene, an option or a picture is one message."""
+    """Runs a command; an error of a scene, option or picture becomes one message."""
     _check_memory_limit()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy would start threads that spin for nothing
     # This loads the renderer, outside of the block whose handlers need it: the user may interrupt already.
@@ -83,14 +83,14 @@ def _run_command(arguments: argparse.Namespace) -> int:
         sys.stdout.flush()
         return code
     except lajolla.SceneError as error:
-        tell(error)
+        print_message(error)
     except refusals as error:
         say(f"error: {error}")
     return 1
 
 
 def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Scene:
-    """Opens the scene of a command line, or another one with its options; tells no warnings."""
+    """Opens the scene of a command line, or another one with its options; prints no warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", lajolla.LajollaWarning)
         return lajolla.load(
@@ -110,7 +110,7 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
 
 
 def _scene(arguments: argparse.Namespace) -> Path | BinaryIO:
-    """The scene's file, or what standard input has told, which can be read once only."""
+    """The scene's file, or the content of standard input, which can be read only once."""
     if str(arguments.scene) != "-":
         return arguments.scene
     if arguments.standard_input is None:
@@ -130,7 +130,7 @@ def command_render(arguments: argparse.Namespace) -> int:
         lajolla.outputs.check(arguments)
     scene = load(arguments)
     for warning in scene.warnings:
-        tell(warning)
+        print_message(warning)
     if arguments.pixel is not None:
         x, y = arguments.pixel
         print(*scene.radiance(x, y, arguments.sample))
@@ -170,7 +170,7 @@ def _save(
     rendering: lajolla.Rendering,
     arguments: argparse.Namespace,
 ) -> None:
-    """Writes all that a render was asked for."""
+    """Writes all outputs of a render."""
     lajolla.outputs.write_pictures(outputs, rendering.image(), arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
@@ -179,7 +179,7 @@ def _save(
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
-    """Renders what can be rendered, until an interrupt; an error names its sensor."""
+    """Renders all sensors until an interrupt; errors name the sensor."""
     names = lajolla.scene.sensor_names(_scene(arguments), parameters=dict(arguments.parameters))
     commands = for_each_sensor(arguments, names)
     for command in commands:
@@ -228,7 +228,7 @@ def command_convert(arguments: argparse.Namespace) -> int:
         _scene(arguments), target, parameters=parameters, strict=arguments.strict, pack=arguments.pack
     )
     for warning in result.warnings:
-        tell(warning)
+        print_message(warning)
     patience = Patience("the scene")
     with handled_by(patience):
         patience.save(_write_export, target, result)
@@ -244,7 +244,7 @@ def command_convert(arguments: argparse.Namespace) -> int:
 
 
 def _write_export(target: Path, result: lajolla.scene.Export) -> None:
-    """Writes all files under other names before the first takes its place: old and new ones do not fit."""
+    """Writes all files under temporary names before renaming the first: old and new files do not match."""
     for folder in {Path(name).parent for name in result.files}:
         (target.parent / folder).mkdir(exist_ok=True)
     replacing = lajolla.whole_files.replacing
@@ -307,7 +307,7 @@ def command_compare(arguments: argparse.Namespace) -> int:
         for line in lajolla.report.comparison_lines(facts):
             print(line)
     if facts["excluded_pixels"]:
-        say(f"warning: {facts['excluded_pixels']} pixels are not finite and were left out")
+        say(f"warning: {facts['excluded_pixels']} pixels are not finite and were excluded")
     if arguments.diff is not None:
         lajolla.image.write_encoded(arguments.diff, lajolla.comparison.difference_picture(a, b))
     return 0

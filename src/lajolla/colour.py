@@ -30,7 +30,7 @@ def xyz_to_rgb(xyz: ArrayLike) -> NDArray[Any]:
 
 
 def luminance(rgb: ArrayLike) -> NDArray[Any]:
-    """Of linear sRGB; the last axis stays, with length one."""
+    """Luminance of linear sRGB; the last axis is kept with length one."""
     return _transformed(rgb, RGB_TO_XYZ[1:2])
 
 

@@ -1,4 +1,4 @@
-"""How far one picture is from another."""
+"""Error measures between pictures."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What the command line shows of a running render, on standard error."""
+"""Progress and messages of the command line on standard error."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Observer: TypeAlias = "Callable[[Progress], None]"
 
 
 class Messages(io.TextIOBase):
-    """A text stream in front of another one; what that does not take is lost, and nothing else is."""
+    """A text stream that forwards to another one and ignores its write errors."""
 
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
@@ -42,7 +42,7 @@ class Messages(io.TextIOBase):
 
 
 def discard(stream: TextIO) -> None:
-    """Lets go nowhere what is written to a stream, and what it still holds when Python ends."""
+    """Discards the output of a stream, including its buffer."""
     with suppress(OSError, ValueError):  # it is no file
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -69,17 +69,17 @@ def open_streams() -> None:
 
 @contextmanager
 def safe_messages() -> Iterator[None]:
-    """Within it nothing fails because a message cannot be written."""
+    """A context in which failures to write messages are ignored."""
     with redirect_stderr(Messages(sys.stderr)):
         yield
 
 
 def say(message: str) -> None:
-    """A line of the program's own, on standard error."""
-    tell(f"lajolla: {message}")
+    """Prints a line of the program on standard error."""
+    print_message(f"lajolla: {message}")
 
 
-def tell(message: object) -> None:
+def print_message(message: object) -> None:
     """A message on standard error, such as a SceneError with its place and the line under it."""
     print(coloured(str(message), sys.stderr), file=sys.stderr, flush=True)
 
@@ -101,14 +101,14 @@ def coloured(message: str, stream: TextIO) -> str:
 
 
 def shows_colours(stream: TextIO) -> bool:
-    """Whether a stream is a terminal with colours; the environment can tell otherwise, NO_COLOR first."""
+    """Whether a stream is a terminal with colours; environment variables override it, NO_COLOR first."""
     if os.environ.get("NO_COLOR"):
         return False
     return bool(os.environ.get("FORCE_COLOR")) or (stream.isatty() and os.environ.get("TERM") != "dumb")
 
 
 def rate(per_second: float, unit: str) -> str:
-    """'3.21 Msamples/s', and the like."""
+    """For example '3.21 Msamples/s'."""
     for prefix, factor in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
         if per_second >= factor:
             return f"{per_second / factor:.3g} {prefix}{unit}/s"
@@ -126,7 +126,7 @@ def duration(seconds: float) -> str:
 
 
 def size_in_memory(count: float) -> str:
-    """'12.3 MiB', and the like."""
+    """For example '12.3 MiB'."""
     for unit in ("bytes", "KiB", "MiB"):
         if count < 1024:
             return f"{count:.4g} {unit}"

@@ -1,4 +1,4 @@
-"""How a film wants its picture written: which channels, as which numbers, and how displays get it."""
+"""Output settings of a film: channels, number formats and tone mapping."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ FILE_FORMATS = {
 
 @dataclass(frozen=True)
 class Film:
-    """What a scene's film says of the files; sizes are the core's.
+    """Output settings of a scene's film; the core holds its size.
 
     `gamma` of -1 is sRGB's curve. `exposure` in stops is for "gamma" tone mapping, `key` and `burn` are for
     "reinhard". `digits` and `variable` are those of matrices for Matlab and Mathematica.
@@ -62,7 +62,7 @@ class Film:
 
     @property
     def endings(self) -> tuple[str, ...]:
-        """Of the files that are written by default."""
+        """Endings of the files that are written by default."""
         return FILE_FORMATS[self.file_format]
 
     def develop(

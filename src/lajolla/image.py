@@ -1,4 +1,4 @@
-"""Pictures in and out: float32 arrays of linear RGB, files by way of OpenImageIO."""
+"""Reading and writing pictures: float32 arrays of linear RGB, files with OpenImageIO."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Image:
     """A rendered picture: linear RGB in `array`, float32 of shape (height, width, 3), first row on top.
 
     What else was rendered is in `channels`, by name: float32 of shape (height, width); "A" is alpha. `film`
-    tells how the picture is written.
+    determines how the picture is written.
     """
 
     @names_checked
@@ -234,7 +234,7 @@ def _rgb(pixels: FloatImage, names: list[str]) -> FloatImage:
 
 @names_checked
 def check_output(target: str | os.PathLike[str] | BinaryIO, format: str | None = None) -> None:
-    """Raises ImageError when no picture can be written: unknown format, no such folder, no permission."""
+    """Raises ImageError if a picture cannot be written: unknown format, missing folder, no permission."""
     path = _as_target(target)
     check_offered(ending_of(path if isinstance(path, Path) else None, format))
     if isinstance(path, Path):

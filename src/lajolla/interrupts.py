@@ -1,4 +1,4 @@
-"""What Ctrl-C and SIGTERM do: nothing is lost that was rendered, and nobody waits for what is not wanted."""
+"""Handling of Ctrl-C and SIGTERM: rendered samples are saved, and unwanted work stops at once."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Interrupt(KeyboardInterrupt):
 
 
 def end_at_once(number: int, frame: FrameType | None, message: str = "nothing was written") -> NoReturn:
-    """A handler for times at which there is nothing to save.
+    """A handler for times when there is nothing to save.
 
     An exception would not do: it can come in the middle of an import, or of a callback that drops it.
     """
@@ -33,14 +33,14 @@ def end_at_once(number: int, frame: FrameType | None, message: str = "nothing wa
 
 
 def _tell(message: str) -> None:
-    """A line on standard error, past Python's buffers: a handler may come in the middle of a `print`."""
+    """Writes a line to standard error without Python's buffers: a handler may interrupt a `print`."""
     with suppress(OSError):
         os.write(2, f"lajolla: {message}\n".encode())
 
 
 @contextmanager
 def handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Gives the signals to a handler; those that are ignored, as in a shell's background jobs, stay so."""
+    """Installs a signal handler; ignored signals, as in a shell's background jobs, stay ignored."""
     previous = {number: signal.getsignal(number) for number in SIGNALS}
     heard = [number for number in SIGNALS if previous[number] != signal.SIG_IGN]
     for number in heard:
@@ -81,7 +81,7 @@ class Patience:
             _tell(f"{'saving' if self.saving else 'stopping'}; press Ctrl-C again to quit without saving")
 
     def stopping(self, observe: Callable[[Any], None]) -> Callable[[Any], None]:
-        """An observer that raises the interrupt, once there was one; until then it calls another one."""
+        """A progress callback that raises a pending interrupt, and otherwise calls another callback."""
 
         def observe_or_stop(progress: Any) -> None:  # noqa: ANN401
             if self.interrupt is not None:
@@ -91,7 +91,7 @@ class Patience:
         return observe_or_stop
 
     def save(self, action: Callable[..., Any], *arguments: Any) -> None:  # noqa: ANN401
-        """Does it in another thread: a library may not return for long, and this one hears signals."""
+        """Runs a function in another thread: libraries may take long, and this thread gets the signals."""
         self.saving = True
         import threading
         from concurrent.futures import Future

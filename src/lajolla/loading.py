@@ -1,4 +1,4 @@
-"""Scenes from files or dicts, ready to be rendered."""
+"""Loads scenes from files or dicts."""
 
 import os
 import time
@@ -82,7 +82,7 @@ class Scene:
             spp: samples per pixel; the scene's own number by default.
             seed: of the sampler; the scene's own by default.
             threads: all that this process may use by default.
-            observe: is told the progress about ten times a second.
+            observe: is called with the progress about ten times a second.
         """
         rendering = self.rendering(spp=spp, seed=seed, threads=threads)
         rendering.run(observe)
@@ -90,7 +90,7 @@ class Scene:
 
     @names_checked
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
-        """What one sample of pixel (x, y) adds, or the mean of all samples: three numbers, float64.
+        """The value of one sample of pixel (x, y), or the mean of all samples: three numbers, float64.
 
         The pixel is counted from the film's corner, whatever the crop window. Unlike in a picture, values
         that are not finite stay what they are. Raises OptionError outside of the picture.
@@ -117,7 +117,7 @@ def load(
 ) -> Scene:
     """Opens a Mitsuba scene file.
 
-    Python's `warnings` tell what is not rendered as written, each as a SceneWarning; the scene keeps them.
+    What is not rendered as written is reported with `warnings`, as SceneWarnings; the scene keeps them.
 
     Args:
         path: the XML file, or a binary file object to read it from. Other files are beside it, or in the
@@ -129,7 +129,7 @@ def load(
             other name is a parameter that the file must have.
 
     Raises:
-        SceneError: something is wrong with the scene; the message tells where.
+        SceneError: the scene has an error; the message contains the location.
         OptionError: an option does not fit the scene.
         TypeError: there is no such option or parameter.
     """

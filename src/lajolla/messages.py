@@ -1,4 +1,4 @@
-"""What users of the package are told: warnings, by way of Python's `warnings`, and wrong options."""
+"""Messages to users of the package: Python warnings, and errors in options."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 class LajollaWarning(UserWarning):
-    """Something that is not done as it was asked for; Python's `warnings` shows it or filters it."""
+    """A request that is not fulfilled exactly; shown or filtered by Python's `warnings`."""
 
 
 def warn(warning: LajollaWarning) -> None:

@@ -1,4 +1,4 @@
-"""What a caller sets beside a scene, and what it makes of the description."""
+"""Render options, and their effect on the description."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from lajolla.scene import core_schema, plugins_by_kind
 
 @dataclass(frozen=True)
 class Options:
-    """What a caller sets beside the scene; None leaves the scene's own value."""
+    """Options of a render; None means the scene's own value."""
 
     spp: int | None = None  # samples per pixel
     size: tuple[int, int] | None = None  # width, height in pixels; drops the scene's crop window
@@ -23,7 +23,7 @@ class Options:
     sensor: int | str | None = None  # which one of several, by its number from 0 or its id
 
     def __post_init__(self) -> None:
-        """Raises OptionError for values that no scene can have."""
+        """Raises OptionError for invalid values."""
         for name, value in vars(self).items():
             if name in LIMITS and not (name == "sensor" and isinstance(value, str)):
                 check(name, value)
@@ -34,7 +34,7 @@ class Options:
 
 def _check_name(kind: str, name: str | None, known: Callable[[], list[str]]) -> None:
     if name is not None and name not in known():
-        raise OptionError(f"there is no {kind} {name!r}{suggestion(str(name), known())}")
+        raise OptionError(f"unknown {kind} {name!r}{suggestion(str(name), known())}")
 
 
 def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a rendering leaves: pictures in files or on standard output, and statistics."""
+"""Outputs of a render: pictures in files or on standard output, and statistics."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Output:
     """A picture to be written; "-" is standard output."""
 
     path: Path
-    format: str | None = None  # counts where the ending of the path tells none
+    format: str | None = None  # used if the path has no known ending
 
     def __str__(self) -> str:
         return "standard output" if self.is_standard else str(self.path)
@@ -69,7 +69,7 @@ class Output:
 
 
 def outputs_of(arguments: argparse.Namespace, film: Film | None = None) -> list[Output]:
-    """The pictures that a command line asks for, each once; those that are not named follow from the film."""
+    """The outputs of a command line without duplicates; the film determines the defaults."""
     paths = list(dict.fromkeys(arguments.outputs or []))
     if film is not None and not paths:
         endings = [f".{arguments.format.lower()}"] if arguments.format else film.endings
@@ -78,7 +78,7 @@ def outputs_of(arguments: argparse.Namespace, film: Film | None = None) -> list[
 
 
 def check(arguments: argparse.Namespace) -> None:
-    """What would fail after hours of rendering fails now. Raises ImageError."""
+    """Checks the outputs before rendering. Raises ImageError."""
     if arguments.format is not None:
         ending_of(None, arguments.format)
     for output in outputs_of(arguments):
@@ -128,7 +128,7 @@ def statistics(scene: Scene, rendering: Rendering) -> dict[str, Any]:
 
 def write_statistics(path: Path, stats: dict[str, Any]) -> None:
     text = json.dumps(stats, indent=2) + "\n"
-    if str(path) in STREAMS:  # opening these anew would cut off a file that they lead to
+    if str(path) in STREAMS:  # reopening these would truncate a redirected file
         stream: TextIO = getattr(sys, STREAMS[str(path)])
         stream.write(text)
     else:

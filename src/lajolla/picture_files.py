@@ -1,4 +1,4 @@
-"""Files of pictures as OpenImageIO opens them: with names of any bytes, messages of any bytes, and limits."""
+"""Wrapper around OpenImageIO: file names and messages of any encoding, and limits."""
 
 import tempfile
 from collections.abc import Iterator
@@ -94,7 +94,7 @@ def plain_name(path: Path) -> Iterator[str]:
 
 
 def reason(source: Any, otherwise: str = "unknown reason") -> str:  # noqa: ANN401
-    """The first line of what OpenImageIO, or a file opened with it, complains of."""
+    """The first line of the error message of OpenImageIO or of an open file."""
     try:
         text = source.geterror()
     except UnicodeDecodeError as problem:  # it quotes the file

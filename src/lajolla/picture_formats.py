@@ -1,4 +1,4 @@
-"""The formats of pictures that can be written, by the endings of their names."""
+"""Supported picture formats by file ending."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HOLD_CHANNELS = (".exr", ".npy")  # what can hold more than a picture
 
 
 def ending_of(name: Path | None, format: str | None) -> str:
-    """The ending that tells how to write a picture: of a format that is named, else of the file's name.
+    """The file ending that determines the format: of the given format, else of the file name.
 
     Raises:
         ImageError: there is no such format.

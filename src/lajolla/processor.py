@@ -1,4 +1,4 @@
-"""Which build of the core runs: packages have one for each level of x86-64.
+"""Selects the build of the core: packages have one for each level of x86-64.
 
 The builds stand side by side in `levels/x86-64-v3/` and so on. The folder of the best one that the processor
 runs becomes part of the package's path; `lajolla._core` is found there as in a package with one build.
@@ -77,7 +77,7 @@ def processor_flags() -> set[str] | None:
 
 
 def _lacking(level: str, flags: set[str]) -> list[str]:
-    """What a processor with these flags does not have of a level."""
+    """The features of a level that a processor with these flags lacks."""
     names = list(LEVELS)
     needed = " ".join(LEVELS[name] for name in names[: names.index(level) + 1])
     return [flag for flag in needed.split() if flag not in flags]

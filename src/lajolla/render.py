@@ -1,4 +1,4 @@
-"""The progressive driver that turns scenes into pictures, pass by pass."""
+"""Progressive rendering in passes."""
 
 import os
 import time
@@ -20,7 +20,7 @@ DEFAULT_FILM = Film()
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a rendering is."""
+    """Progress of a render."""
 
     samples: float  # per pixel; a fraction counts the running pass
     spp: int
@@ -36,7 +36,7 @@ class Progress:
 
 
 class Rendering:
-    """A picture in the making: passes of samples are added until there are enough.
+    """A render in progress: passes of samples are added until the sample count is reached.
 
     An exception in `run`, such as KeyboardInterrupt, leaves the finished passes: `samples` of `spp`. The pass
     that it cuts off is `lost`, in samples per pixel; `run` can be called again.
@@ -65,7 +65,7 @@ class Rendering:
 
     @names_checked
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
-        """Renders what is missing; calls `observe` in this thread, about ten times a second."""
+        """Renders the remaining samples; calls `observe` in this thread about ten times a second."""
         self.lost = 0
         with ThreadPoolExecutor(1) as worker:
             for count in self._passes():

@@ -1,4 +1,4 @@
-"""What `check` and `compare` found: lines for people, and JSON for programs (docs/json.md has the keys)."""
+"""Results of `check` and `compare` as text and as JSON (keys in docs/json.md)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _finite(value: Any) -> Any:  # noqa: ANN401
 
 
 def scene_facts(path: Path, scene: Scene) -> Json:
-    """What is in a scene that opens."""
+    """Facts about a scene that opens."""
     counts = dict(scene.core.summary())
     return {
         "scene": str(path),
@@ -48,7 +48,7 @@ def scene_facts(path: Path, scene: Scene) -> Json:
 
 
 def refused(path: Path, problem: Exception) -> Json:
-    """The same of a scene that does not open."""
+    """Facts about a scene that does not open."""
     told = _told(problem) if isinstance(problem, SceneError) else {**NOWHERE, "message": str(problem)}
     return {"scene": str(path), "error": told}
 
@@ -95,7 +95,7 @@ MEASURES = {"mean ratio": "mean_ratio", "RMSE": "rmse", "relative MSE": "relativ
 
 
 def comparison_facts(a: Path, b: Path, result: Comparison) -> Json:
-    """How far picture A is from B; lists have values for red, green and blue."""
+    """Differences between pictures A and B; lists have values for red, green and blue."""
     measures = {name: getattr(result, name).tolist() for name in MEASURES.values()}
     return {"a": str(a), "b": str(b), **measures, "excluded_pixels": result.excluded}
 

@@ -1,7 +1,8 @@
-"""`lajolla check --all`: which scenes below a folder open."""
+"""`lajolla check --all`: opens all scenes below a folder."""
 
 from __future__ import annotations
 
+import codecs
 import os
 import re
 import sys
@@ -15,15 +16,18 @@ from lajolla.loading import Scene
 from lajolla.scene import SceneError
 from lajolla.scene.syntax.files import file_bytes
 
+# What may stand in front of the first element of an XML file.
+PROLOGUE = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>]*>)?\s*", re.DOTALL)
 INCLUDE = re.compile(rb"""<include\s[^<>]*filename\s*=\s*["']([^"']*)""")
 PARAMETERS = re.compile(r"(?:\$\w+)+")
+UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 CAMERA = re.compile(rb"<(sensor|camera)\s")
 CONTENT = re.compile(rb"<(shape|include)\s")
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What became of one scene file; `error` is the first line of the refusal, empty where it opened."""
+    """Result for one scene file; `error` is the first line of the message, empty if it opened."""
 
     path: Path
     warnings: int = 0
@@ -43,12 +47,11 @@ def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
     from rich.console import Console  # not loaded with the renderer, which has no use for it
     from rich.progress import track
 
-    texts = {path: _text(path) for path in sorted(folder.rglob("*.xml")) if path.is_file()}
+    paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() == ".xml")
+    texts = {path: _text(path) for path in paths if path.is_file()}
     included = _included(texts)
     files = [
-        path
-        for path, text in texts.items()
-        if b"<scene" in text and (_is_whole(text) or path not in included)
+        path for path, text in texts.items() if _is_scene(text) and (_is_whole(text) or path not in included)
     ]
     shown = sys.stderr.isatty()
     progress = track(files, "reading", console=Console(stderr=True), transient=True, disable=not shown)
@@ -57,6 +60,14 @@ def survey(folder: Path, open_scene: Callable[[Path], Scene]) -> list[Finding]:
     return [
         finding for finding in findings if not finding.error or not included.get(finding.path, set()) & good
     ]
+
+
+def _is_scene(text: bytes) -> bool:
+    """Whether the first element of a file is a scene."""
+    at = 0
+    while (passed := PROLOGUE.match(text, at)) and passed.end() > at:
+        at = passed.end()
+    return re.match(rb"<scene\b", text[at : at + 7]) is not None
 
 
 def _is_whole(text: bytes) -> bool:
@@ -95,8 +106,9 @@ def _any_of(names: Iterable[str]) -> re.Pattern[str]:
 
 def _text(path: Path) -> bytes:
     try:
-        return file_bytes(path)
-    except OSError:  # a file that may not be read
+        text = file_bytes(path)
+        return text.decode("utf-16").encode() if text[:2] in UTF_16 else text
+    except (OSError, UnicodeError):  # a file that may not be read, or is none of text
         return b""
 
 
@@ -113,7 +125,7 @@ def _finding(path: Path, open_scene: Callable[[Path], Scene]) -> Finding:
 
 def table(folder: Path, findings: Sequence[Finding]) -> Iterator[str]:
     """The lines of a report: a row for each file, then the counts."""
-    names = [str(finding.path.relative_to(folder)) for finding in findings]
+    names = [str(finding.path.relative_to(folder)).replace("\n", "\\n") for finding in findings]
     width = max((len(name) for name in names), default=0)
     yield f"{'scene':{width}}  opened  warnings  error"
     for name, finding in zip(names, findings, strict=True):

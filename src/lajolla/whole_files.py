@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Atomic file writes."""
 
 import hashlib
 import os
@@ -17,7 +17,7 @@ Target: TypeAlias = Path | BinaryIO  # where a file is written: its path, or a s
 
 
 def check_folder(path: Path) -> None:
-    """Raises ImageError when no file can be made at `path`, and nothing that is there can be written to."""
+    """Raises ImageError if `path` can neither be created nor written to."""
     try:
         target = target_of(path)
         if is_device(path):
@@ -25,7 +25,7 @@ def check_folder(path: Path) -> None:
                 raise ImageError(f"{path}: is not writable")
             return
         if not target.parent.is_dir():
-            raise ImageError(f"{path}: there is no folder {target.parent}")
+            raise ImageError(f"{path}: the folder {target.parent} does not exist")
         if target.is_dir():
             raise ImageError(f"{path}: is a folder")
     except OSError as error:  # the name is too long
@@ -35,7 +35,7 @@ def check_folder(path: Path) -> None:
 
 
 def target_of(path: Path) -> Path:
-    """The file that a link leads to, which need not be there; the path itself where it is no link."""
+    """The target of a link, which need not exist; the path itself if it is not a link."""
     target = Path(os.path.realpath(path))
     if target.is_symlink():
         raise ImageError(f"{path}: is a link that leads to itself")
@@ -43,7 +43,7 @@ def target_of(path: Path) -> Path:
 
 
 def is_device(path: Path) -> bool:
-    """Whether this is a pipe, a terminal or the like, which is written to instead of replaced."""
+    """Whether this is a pipe, terminal or similar, which is written to instead of replaced."""
     return path.exists() and not path.is_file() and not path.is_dir()
 
 

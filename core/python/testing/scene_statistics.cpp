@@ -67,22 +67,22 @@ nb::dict emitter_sample_many(const RenderableScene &self, const Point &point, co
     return result;
 }
 
-struct Arrival {
+struct Emission {
     Spectrum radiance{0};
     float pdf = 0;
 };
 
 // What a path finds that leaves p along wi: radiance, and the density with which lights sample that
 // direction. Nothing where a light is seen from behind: it is not sampled there.
-Arrival arrival(const Scene &scene, Index index, Vec3f p, Vec3f wi) {
+Emission emission(const Scene &scene, Index index, Vec3f p, Vec3f wi) {
     const Ray<float> ray{p, wi};
     const auto found = scene.accel().closest(ray);
     if (!found) {
         if (!index) return {scene.lights().environment(wi), scene.lights().pdf_environment(wi)};
         return match(light_at(scene, *index), [&](const auto &light) {
             if constexpr (IsEnvironment<std::decay_t<decltype(light)>>)
-                return Arrival{light.emitted(wi), light.pdf_direction(wi)};
-            else return Arrival{};
+                return Emission{light.emitted(wi), light.pdf_direction(wi)};
+            else return Emission{};
         });
     }
     const Hit<float> hit = scene.hit(ray, *found, {});
@@ -91,7 +91,7 @@ Arrival arrival(const Scene &scene, Index index, Vec3f p, Vec3f wi) {
     if (!index) return {radiance, scene.lights().pdf_hit(p, hit, wi)};
     const auto *light = std::get_if<AreaLight>(&light_at(scene, *index));
     const bool is_this = light && static_cast<std::uint32_t>(hit.emitter) == *index;
-    return is_this ? Arrival{radiance, light->pdf_hit(p, hit, wi)} : Arrival{};
+    return is_this ? Emission{radiance, light->pdf_hit(p, hit, wi)} : Emission{};
 }
 
 nb::tuple emitter_eval_many(const RenderableScene &self, const Point &point, const Rows<3> &wi, Index index) {
@@ -99,7 +99,7 @@ nb::tuple emitter_eval_many(const RenderableScene &self, const Point &point, con
     Table<float, 3> radiance(wi.shape(0));
     Table<float, 1> pdf(wi.shape(0));
     for (std::size_t i = 0; i < wi.shape(0); ++i) {
-        const Arrival a = arrival(*self.scene, index, p, triple(wi, i));
+        const Emission a = emission(*self.scene, index, p, triple(wi, i));
         radiance.set(i, a.radiance);
         pdf.set(i, a.pdf);
     }

@@ -111,7 +111,7 @@ def load_description(
         runs: read shapes that are alike together, which is quicker and means the same.
 
     Raises:
-        SceneError: the scene cannot be read; the message tells where and why.
+        SceneError: the scene cannot be read; the message contains the location and the reason.
         UnknownParameter: the scene does not have one that it must have.
     """
     tree, builder = _read(path, parameters, strict, required_names, runs=runs)
@@ -122,7 +122,7 @@ def sensor_names(path: SceneFile, *, parameters: Mapping[str, str] = NO_PARAMETE
     """The ids of a scene file's sensors, or their numbers where they have none; nothing else is opened.
 
     Raises:
-        SceneError: the scene cannot be read; the message tells where and why.
+        SceneError: the scene cannot be read; the message contains the location and the reason.
     """
     tree, _ = _read(path, parameters, strict=False)
     return cameras.names(tree.root)
@@ -156,7 +156,7 @@ def convert(
         pack: put all meshes into files of the result's own.
 
     Raises:
-        SceneError: the scene cannot be read; the message tells where and why.
+        SceneError: the scene cannot be read; the message contains the location and the reason.
     """
     from .export.translator import Translator  # the way out, which no render needs
     from .export.write import scene_text
@@ -170,8 +170,8 @@ def convert(
     translator = Translator(builder, target.parent, stem, pack)
     with blamed_on(tree.root.location):
         text = scene_text(translator.scene(tree.root, description.core))
-    told = {warning.message for warning in description.warnings}
-    new = [warning for warning in builder.diagnostics.warnings if warning.message not in told]
+    known = {warning.message for warning in description.warnings}
+    new = [warning for warning in builder.diagnostics.warnings if warning.message not in known]
     return Export(text, translator.packed, [*description.warnings, *new])
 
 
@@ -192,7 +192,7 @@ def describe(
         strict, two_sided, integrator, sensor: as for `load_description`.
 
     Raises:
-        SceneError: the scene cannot be read; the message tells where and why.
+        SceneError: the scene cannot be read; the message contains the location and the reason.
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
     builder = Builder(Diagnostics(strict), [base], two_sided, integrator, sensor)
@@ -248,7 +248,7 @@ def _named(file: SceneFile) -> tuple[Path, bytes | None]:
 
 
 def _opened(tree: Tree, builder: Builder) -> Tree:
-    """The nodes in the words of today, with what they refer to, and every camera in the scene itself."""
+    """Nodes with the names of Mitsuba 3, resolved references, and all cameras in the scene itself."""
     with blamed_on(tree.root.location), np.errstate(all="ignore"):  # the core checks for numbers
         upgrade(tree.nodes, builder.table, builder.diagnostics)
         resolve(tree)

@@ -101,7 +101,7 @@ class Declared(Protocol):
 
 @cache
 def core_schema() -> Schema:
-    """`_core.schema()`, which is made anew whenever it is asked for; this one is nobody's to change."""
+    """`_core.schema()`, which is recomputed in each call; do not modify this one."""
     return _core.schema()
 
 

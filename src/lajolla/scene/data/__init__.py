@@ -1,1 +1,1 @@
-"""What others measured or standardised: observers, metals, indices of refraction, media, skies."""
+"""Published data: observers, metals, indices of refraction, media, skies."""

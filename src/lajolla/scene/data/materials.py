@@ -1,4 +1,4 @@
-"""Participating media by name: scattering and absorption that others measured."""
+"""Measured scattering and absorption of participating media by name."""
 
 from __future__ import annotations
 

@@ -97,32 +97,32 @@ BLOCK = 1 << 18  # pixels that are computed at a time
 
 def sky_map(
     sun: Array, turbidity: float, albedo: Array, width: int, *, stretch: float = 1, extend: bool = False
-) -> npt.NDArray[np.float32]:
+) -> tuple[npt.NDArray[np.float32], float]:
     """The sky as an environment map whose +y is up.
 
     Args:
         sun: (3,) unit vector to the sun.
         turbidity: 1 ... 10.
         albedo: (3,) of the ground.
-        width: pixels around the horizon, which lies on the middle row.
-        stretch: how far below the horizon the sky is drawn: 1 not at all, 2 all the way.
-        extend: goes on below the horizon, darker towards the nadir.
+        width: pixels around the horizon.
+        stretch: factor on the angle from the zenith, 1 ... 2: the sky ends at 90 degrees times this.
+        extend: extend the sky below the horizon, darker towards the nadir.
 
     Returns:
-        (map_height(width), width, 3) float32.
+        (map_height(width), width, 3) float32, and the angle in degrees from the zenith to its last row.
     """
     height = map_height(width)
     result = np.empty((height, width, 3), np.float32)
+    end = np.pi if extend else np.pi / 2 * stretch
     rows = max(1, BLOCK // width)
     for first in range(0, height, rows):
-        theta = np.pi * np.arange(first, min(first + rows, height))[:, None] / (height - 1)
+        theta = end * np.arange(first, min(first + rows, height))[:, None] / (height - 1)
         block = _sky_rows(theta, sun, turbidity, albedo, width, stretch=stretch, extend=extend)
         result[first : first + rows] = block
-    return result
+    return result, math.degrees(end)
 
 
 def map_height(width: int) -> int:
-    """An odd number, so that a row is the horizon."""
     return width // 4 * 2 + 1
 
 
@@ -138,9 +138,6 @@ def _sky_rows(
     if extend:
         t = np.clip(2 - 2 * theta / np.pi, 0, 1)
         radiance *= (t * t * (3 - 2 * t))[..., None]
-    else:  # what a row shows is spread over its neighbours: the horizon's own is half sky
-        below = theta / stretch - np.pi / 2
-        radiance *= np.where(below > 1e-9, 0, np.where(below > -1e-9, 0.5, 1))[..., None]
     return radiance
 
 

@@ -1,4 +1,4 @@
-"""A resolved scene to a whole description: what goes where, and what is there when a scene says nothing."""
+"""Assembles the description from a resolved scene, with defaults for missing objects."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _default_filter(film: Node) -> str:
 
 
 def _output(builder: Builder, integrator: Node) -> Entry:
-    """What is rendered: the picture's integrator, and channels beside it."""
+    """The integrators and channels of the description."""
     builder.places["integrator"] = integrator.location
     description = description_of(builder.picture(integrator), alpha=builder.film.has_alpha)
     for index, _ in enumerate(description.get("other_integrators", ())):
@@ -98,7 +98,7 @@ def _only(builder: Builder, parent: Node, kind: str) -> Node | None:
     """The one child of a kind; of several the first."""
     found = parent.outermost(kind)
     if len(found) > 1:
-        message = f"{parent.kind} has {len(found)} of kind {kind}; only this one counts"
+        message = f"{parent.kind} has {len(found)} of kind {kind}; only this one is used"
         builder.diagnostics.warn(message, found[0].location)
     return found[0] if found else None
 
@@ -127,7 +127,7 @@ def _implied(parent: Node, kind: str, plugin: str) -> Node:
 
 
 def _integrator(builder: Builder, scene: Node) -> Node:
-    """The scene's integrator, or the one asked for with the parameters in the file that it has too."""
+    """The scene's integrator, or the requested one with those parameters of the file that it supports."""
     node = _only(builder, scene, "integrator")
     if builder.integrator is None:
         return node or _default_integrator(builder, scene)
@@ -150,12 +150,12 @@ def _default_integrator(builder: Builder, scene: Node) -> Node:
 
 def _missing_sensor(builder: Builder, scene: Node) -> Entry:
     """A camera that sees everything where the version of the file implies one; other files must have one."""
-    cameras.tell_of_none(builder, scene)
+    cameras.report_missing_camera(builder, scene)
     return default_camera(builder.shapes, builder.groups, builder.instances)
 
 
 def _warn_of_unseen_media(builder: Builder, integrator: str, camera: Entry, sensor: Node) -> None:
-    """Media that the integrator ignores, and one that the camera stands in without a word about it."""
+    """Warns about media that the integrator ignores, and about a camera in a medium that it does not name."""
     if not builder.media:
         return
     if integrator in WITHOUT_MEDIA:
@@ -168,7 +168,7 @@ def _warn_of_unseen_media(builder: Builder, integrator: str, camera: Entry, sens
     for i, shape in builder.shapes.alike():
         if shape.get("interior", -1) >= 0 and is_inside(shape, eye):
             message = (
-                f"the camera stands in the medium of this shape, but {sensor} does not name it, so "
+                f"the camera is inside the medium of this shape, but {sensor} does not name it, so "
                 "camera rays start outside the medium; add it to the sensor"
             )
             builder.diagnostics.warn(message, builder.places[f"shapes[{i}]"])
@@ -188,13 +188,13 @@ def _warn_of_missing_attributes(builder: Builder) -> None:
 def _media(builder: Builder, shape: Node) -> dict[str, int]:
     """The media on either side of a shape, by index."""
     for prop, _ in shape.children("subsurface"):
-        builder.diagnostics.unknown("subsurface is not supported and left out", prop.location)
+        builder.diagnostics.unknown("subsurface scattering is not supported; it is ignored", prop.location)
     sides: dict[str, int] = {}
     for prop, node in shape.children("medium"):
         if prop.name in ("interior", "exterior"):
             sides[prop.name] = builder.index(node)
         else:
-            message = f'{node} of {shape} must be named "interior" or "exterior"; it is left out'
+            message = f'{node} of {shape} must be named "interior" or "exterior"; it is ignored'
             builder.diagnostics.unknown(message, prop.name_location)
     return sides
 
@@ -211,13 +211,13 @@ def _warn_of_unused_area_lights(builder: Builder, scene: Node) -> None:
     used = set(below(shape for _, shape in scene.children("shape"))) if lights else set()
     for node in lights:
         if node not in used:
-            builder.diagnostics.warn(f"no shape refers to {node}; it does not shine", node.location)
+            builder.diagnostics.warn(f"no shape refers to {node}; it emits no light", node.location)
 
 
 def _warn_of_several_environments(builder: Builder, scene: Node) -> None:
     found = [n for _, n in scene.children("emitter") if n.plugin.lower() in ENVIRONMENTS]
     if len(found) > 1 and not scene.unsaid.lights_add_up:
-        builder.diagnostics.warn("several lights around the scene: they add up", found[1].location)
+        builder.diagnostics.warn("several environment lights: they add up", found[1].location)
 
 
 def _add_missing_light(builder: Builder, scene: Node) -> None:
@@ -240,7 +240,7 @@ def _add_missing_light(builder: Builder, scene: Node) -> None:
 
 
 def _add_shape(builder: Builder, node: Node) -> Sequence[int]:
-    """Adds what a shape is to the scene; the indices of shapes, none for what is no shape itself."""
+    """Adds the shapes of a node to the scene; their indices, none for groups and instances."""
     if node.run is not None:
         added = add_run(builder, node, _add_material, plain_group(_add_shape))
         if added is not None:
@@ -266,7 +266,7 @@ def _add_part(builder: Builder, node: Node, entry: Entry, bsdf: Node | None) -> 
     """Adds one shape of the description, with its light, its media and its material."""
     emitter = -1 if entry["type"] in NEVER_LIGHTS else _area_light(builder, node)
     if entry["type"] in NEVER_LIGHTS and any(True for _ in node.children("emitter")):
-        builder.diagnostics.warn(f"{node} cannot be a light; it does not shine", node.location)
+        builder.diagnostics.warn(f"{node} cannot be a light; it emits no light", node.location)
     material = _add_material(builder, node, bsdf, emits=emitter >= 0)
     entry |= {"material": material, "emitter": emitter, **_media(builder, node)}
     return builder.add("shapes", entry, node)
@@ -278,7 +278,7 @@ def _area_light(builder: Builder, shape: Node) -> int:
     if node is None:
         return -1
     if node.plugin.lower() != "area":
-        builder.diagnostics.unknown(f"{node} cannot stand inside a shape and is left out", node.location)
+        builder.diagnostics.unknown(f"{node} is not allowed inside a shape; it is ignored", node.location)
         return -1
     entry = builder.construct(node)
     assert isinstance(entry, dict)

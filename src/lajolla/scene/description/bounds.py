@@ -1,4 +1,4 @@
-"""What values a texture can have, and limits where a field takes less."""
+"""Bounds of the values of textures, and clamping to the range of a field."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OUTSIDE = {"zero": 0.0, "one": 1.0}  # what wrap modes put around a picture
 
 
 def within(context: Context, value: Use, limits: Bounds, node: Node) -> Use:
-    """The texture itself where all its values are within the limits; else one that clamps it."""
+    """The texture itself if all its values are within the limits, else one that clamps it."""
     found = bounds_of(context, value)
     if limits == ANYTHING or (found and limits[0] <= found[0] and found[1] <= limits[1]):
         return value

@@ -34,7 +34,7 @@ from .plugin import (
     is_child,
 )
 from .plugins import READER_PLUGINS
-from .substitutes import DROPPED, NESTED, in_words_of_substitute, misspelt, substitute_for
+from .substitutes import DROPPED, NESTED, for_substitute, misspelt, substitute_for
 from .values import convert
 
 Made = TypeVar("Made")
@@ -42,7 +42,7 @@ Made = TypeVar("Made")
 # Objects that a scene can do without: one whose file is missing is left out.
 DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
 
-MOST_WAYS = 32  # settings with which one file is read
+MOST_SETTINGS = 32  # settings with which one file is read
 MOST_LOOKUPS = 1024  # that one texture may take
 
 # Lists of the description whose entries other entries name by index.
@@ -51,7 +51,7 @@ LISTS = {"phase": "phases", "medium": "media"}
 
 @dataclass
 class Plugins(Mapping[str, Plugin]):
-    """The plugins of a kind by their names in lower case; each is put together when it is first asked for."""
+    """The plugins of a kind by their names in lower case, created on first use."""
 
     makers: dict[str, Callable[[], Plugin]] = field(default_factory=dict)
     made: dict[str, Plugin] = field(default_factory=dict)
@@ -73,7 +73,7 @@ class Plugins(Mapping[str, Plugin]):
 
 @cache
 def plugins_by_kind() -> Mapping[str, Mapping[str, Plugin]]:
-    """Every plugin that scenes may use: the core's models, and the reader's own in front of them."""
+    """All plugins: the core's models, overridden by the reader's own."""
     schema = core_schema()
     table: dict[str, Plugins] = {}
     for kind, models in schema.items():
@@ -104,14 +104,14 @@ def _of_model(kind: str, name: str) -> Plugin:
 class Construction:
     """How a node was built."""
 
-    node: Node | None  # the node itself, or what stands in for it; None where it is left out
+    node: Node | None  # the node itself, or what stands in for it; None where it is ignored
     values: Values
     result: Built
 
 
 @dataclass
 class Builder:
-    """Builds a description; holds what is shared on the way."""
+    """Builds a description."""
 
     diagnostics: Diagnostics
     search_paths: list[Path]
@@ -143,14 +143,14 @@ class Builder:
     members: Callable[[Node], Iterator[Node]] = lambda node: iter((node,))  # of a run, one by one
     pictures: Budget = field(default_factory=Budget)
     sky_pixels: int = 0  # of the pictures of skies
-    ways: dict[Path, int] = field(default_factory=dict)  # in which files are read
+    settings: dict[Path, int] = field(default_factory=dict)  # number of settings each file is read with
     kept: dict[Node, Construction] | None = None  # how nodes were built, for the way out
     made: dict[Hashable, object] = field(default_factory=dict)  # meshes and images are read once
 
     # Files
 
     def directories(self, location: Location) -> list[Path]:
-        """Where the files that an object names may be."""
+        """The folders in which the files of an object are searched."""
         return [location.source.directory, *self.search_paths]
 
     def find(self, node: Node, name: str = "filename") -> tuple[Path, Location]:
@@ -165,14 +165,14 @@ class Builder:
         return find_file(prop.value, self.directories(prop.location), prop.location), prop.location
 
     def reading(self, path: Path, location: Location) -> None:
-        """Counts in how many ways a file is read, of which each takes memory.
+        """Counts the settings with which a file is read; each takes memory.
 
         Raises:
             SceneError: they are too many.
         """
-        self.ways[path] = self.ways.get(path, 0) + 1
-        if self.ways[path] > MOST_WAYS:
-            raise SceneError(f'"{path}" is used with more than {MOST_WAYS} different settings', location)
+        self.settings[path] = self.settings.get(path, 0) + 1
+        if self.settings[path] > MOST_SETTINGS:
+            raise SceneError(f'"{path}" is used with more than {MOST_SETTINGS} different settings', location)
 
     def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
         """What was made for this key before, or is made now."""
@@ -183,12 +183,12 @@ class Builder:
     # Plugins
 
     def plugin(self, node: Node) -> Plugin | None:
-        """The plugin that a node asks for, whatever the case of the name."""
+        """The plugin of a node, ignoring the case of its name."""
         plugins, name = self.table.get(node.kind, {}), node.plugin.lower()
         return plugins[name] if name in plugins else None  # noqa: SIM401, get() of a Mapping is slow
 
     def construct(self, node: Node) -> Built:
-        """What the node's plugin makes of it, or its substitute; None when the node is left out.
+        """The result of the node's plugin, or of its replacement; None if the node is ignored.
 
         It is made anew whenever it is asked for.
 
@@ -207,7 +207,7 @@ class Builder:
             except MissingFile as problem:
                 if node.kind not in DISPENSABLE:
                     raise
-                self.diagnostics.unknown(f"{problem.message}; {node} is left out", problem.location)
+                self.diagnostics.unknown(f"{problem.message}; {node} is ignored", problem.location)
                 known = None
         if self.kept is not None:
             self.kept[node] = self.kept[known or node] = Construction(known, values, result)
@@ -221,7 +221,7 @@ class Builder:
         return self.kept[node]
 
     def known(self, node: Node) -> Node | None:
-        """The node itself where there is a plugin of that name, or what stands in for it, with a warning."""
+        """The node itself if its plugin is known, else its replacement, with a warning."""
         if self.plugin(node) is not None:
             return node
         names = self.table.get(node.kind, {})
@@ -229,29 +229,29 @@ class Builder:
         name = substitute_for(node, names, nested)
         if name is DROPPED:
             hint = did_you_mean(node.plugin, names, limit=0)
-            self._tell_substitute(node, f"it is left out{hint}")
+            self._report_substitute(node, f"it is ignored{hint}")
             return None
         if name is NESTED and nested is not None:
             lost = [prop for prop in node.properties if prop.value is not nested]
-            self._tell_substitute(node, f"the {nested} inside it is used", lost)
+            self._report_substitute(node, f"the {nested} inside it is used", lost)
             return self.known(nested)
         plugin = names[name]
         kept, lost = node.properties, []
         if name != misspelt(node, names):  # what another plugin has is no mistake of the file's
             known = {f.name for f in plugin.fields}
-            properties = in_words_of_substitute(node)
+            properties = for_substitute(node)
             kept = [p for p in properties if p.name in known or is_child(p.value, plugin)]
             lost = [p for p in properties if p not in kept]
-        self._tell_substitute(node, f'"{plugin.name}" is used', lost)
+        self._report_substitute(node, f'"{plugin.name}" is used', lost)
         return replace(node, plugin=plugin.name, properties=kept)
 
-    def _tell_substitute(self, node: Node, used: str, lost: Iterable[Property] = ()) -> None:
-        """Tells what is used in place of an unknown plugin, and which of its properties are not."""
+    def _report_substitute(self, node: Node, used: str, lost: Iterable[Property] = ()) -> None:
+        """Reports what replaces an unknown plugin, and which of its properties are lost."""
         harmless = HARMLESS.get(node.kind, ())
         names = [f'"{p.name}"' if p.name else f"the {p.value}" for p in lost if p.name not in harmless]
         without = f", without {', '.join(names)}" if names else ""
         if node.plugin:
-            self.diagnostics.unknown(f"there is no {node}; {used}{without}", node.plugin_location)
+            self.diagnostics.unknown(f"unknown {node}; {used}{without}", node.plugin_location)
         elif names:  # that there is none was warned about
             self.diagnostics.unknown(f"{used} for the {node}{without}", node.plugin_location)
 
@@ -264,11 +264,11 @@ class Builder:
                 continue  # left out, as was warned about
             if name in fields and not is_child(prop.value, plugin):
                 if _is_texture(prop.value) and not self.fits(prop.value, fields[name]):
-                    self.tell_texture(node, prop.name)
+                    self.report_texture(node, prop.name)
                     continue
                 values[name] = convert(self, node, prop, fields[name])
             elif not is_child(prop.value, plugin) and prop.name not in HARMLESS.get(node.kind, ()):
-                self.tell_unknown(node, prop, fields)
+                self.report_unknown(node, prop, fields)
         return values
 
     def convert(self, owner: Node, prop: Property, field: Field) -> Any:  # noqa: ANN401
@@ -280,22 +280,24 @@ class Builder:
         return self.table[kind][plugin.lower()].fields
 
     def fits(self, texture: Node, field: Field) -> bool:
-        """Whether a field takes this texture: a constant one is as good as its value."""
+        """Whether a field accepts this texture; constant textures count as their value."""
         return field.type in TEXTURED or not isinstance(self.texture(texture), dict)
 
-    def tell_texture(self, node: Node, name: str) -> None:
-        """Tells of a texture where the node's plugin can only take a constant."""
+    def report_texture(self, node: Node, name: str) -> None:
+        """Reports a texture for a parameter that must be constant."""
         message = f'"{name}" of {node} takes no texture; the default is used'
         self.diagnostics.unknown(message, node.property_location(name))
 
-    def tell_unknown(self, node: Node, prop: Property, fields: Iterable[str]) -> None:
-        """Tells of a property that is no field of the node's plugin."""
-        what = f'property "{prop.name}"' if prop.name else str(prop.value)
-        hint = did_you_mean(prop.name, fields) if prop.name else ""
-        self.diagnostics.unknown(f"{node} has no use for the {what}{hint}", prop.name_location)
+    def report_unknown(self, node: Node, prop: Property, fields: Iterable[str]) -> None:
+        """Reports a property that the plugin does not have."""
+        if prop.name:
+            problem = f'{node} has no property "{prop.name}"{did_you_mean(prop.name, fields)}'
+        else:
+            problem = f"{node} does not support the {prop.value}"
+        self.diagnostics.unknown(problem, prop.name_location)
 
     def picture(self, node: Node) -> Picture:
-        """What an integrator shows."""
+        """The outputs of an integrator."""
         result = self.construct(node)
         return result if isinstance(result, Picture) else Picture(_entry(result))
 
@@ -318,14 +320,14 @@ class Builder:
         return self.uses[node]
 
     def index(self, node: Node) -> int:
-        """The index of a phase function or a medium in its list; -1 when it is left out."""
+        """The index of a phase function or a medium in its list; -1 when it is ignored."""
         if node not in self.indices_of:
             entry = self.construct(node)
             self.indices_of[node] = -1 if entry is None else self.add(LISTS[node.kind], _entry(entry), node)
         return self.indices_of[node]
 
     def slot(self, node: Node) -> Slot | None:
-        """The material slot of a bsdf; None when it is left out."""
+        """The material slot of a bsdf; None when it is ignored."""
         if node not in self.materials_of:
             result = self.construct(node)
             slot = Slot(self.add_once("bsdfs", result, node)) if isinstance(result, dict) else result
@@ -347,7 +349,7 @@ class Builder:
         return index
 
     def _count_lookups(self, entry: Entry, node: Node) -> None:
-        """Textures that are read more than once by each other take twice as long at every level."""
+        """Limits lookups: textures that use each other twice double the time at every level."""
         inner = (value["texture"] for value in entry.values() if isinstance(value, dict))
         lookups = 1 + sum(self.lookups[index] for index in inner)
         if lookups > MOST_LOOKUPS:
@@ -370,7 +372,7 @@ class Builder:
         return repr((where, entry))
 
     def _is_transmissive(self, entry: Entry, node: Node) -> bool:
-        """Asks the core, which refuses the values that it does not take."""
+        """Lets the core validate the values."""
         try:
             return bool(_core.transmissive(entry))
         except _core.DescriptionError as problem:

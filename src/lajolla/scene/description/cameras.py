@@ -1,4 +1,4 @@
-"""The cameras of a scene: which there are, and through which one it is seen."""
+"""The cameras of a scene, and the selection of one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DEFAULT_WIDTH = 768  # of a film
 
 
 def spread(scene: Node, diagnostics: Diagnostics) -> None:
-    """Puts the cameras inside of every `batch` in its place, in the scene's node."""
+    """Replaces every `batch` by its cameras in the scene's node."""
     own = scene.outermost("sensor")
     properties: list[Property] = []
     for prop in scene.properties:
@@ -37,10 +37,10 @@ def _without_batches(sensor: Node, diagnostics: Diagnostics) -> Iterator[Node]:
     for prop in sensor.properties:
         kind = prop.value.kind if isinstance(prop.value, Node) else ""
         if kind not in ("sensor", *INHERITED) and prop.name not in HARMLESS["sensor"]:
-            diagnostics.unknown(f'{sensor} has no use for the property "{prop.name}"', prop.name_location)
+            diagnostics.unknown(f'{sensor} has no property "{prop.name}"', prop.name_location)
     for _, film in sensor.children("film"):
         if any(prop.name.startswith("crop_") for prop in film.properties):
-            diagnostics.unknown(f"the window of the {film} of {sensor} is left out", film.location)
+            diagnostics.unknown(f"the window of the {film} of {sensor} is ignored", film.location)
     for child in inner:
         yield from _without_batches(_in_batch(sensor, child, len(inner)), diagnostics)
 
@@ -99,12 +99,12 @@ def _position(scene: Node, wanted: int | str) -> int:
     if not 0 <= number < len(known):
         listed = f"; there is {', '.join(known)}" if known else "; the scene has none"
         hint = did_you_mean(str(wanted), known, limit=0) or listed
-        raise SceneError(f'there is no sensor "{wanted}"{hint}', scene.location)
+        raise SceneError(f'unknown sensor "{wanted}"{hint}', scene.location)
     return number
 
 
-def tell_of_none(builder: Builder, scene: Node) -> None:
-    """Tells that a scene has no camera, and of one inside of a shape, which is no camera here.
+def report_missing_camera(builder: Builder, scene: Node) -> None:
+    """Reports that a scene has no camera, and cameras inside shapes, which are not supported.
 
     Raises:
         SceneError: the version of the file implies none.
@@ -119,4 +119,4 @@ def tell_of_none(builder: Builder, scene: Node) -> None:
             break
     if not scene.unsaid.camera:
         raise SceneError(message, place)
-    builder.diagnostics.warn(f"{message}; one that sees everything is added", place)
+    builder.diagnostics.warn(f"{message}; one that sees the whole scene is added", place)

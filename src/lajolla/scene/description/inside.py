@@ -1,4 +1,4 @@
-"""Whether a point is inside of a shape."""
+"""Tests whether a point is inside a shape."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from ..syntax.nodes import Array
 
-# Three ways out of a shape, so that an edge or a hole on one of them does not matter.
-WAYS = np.array([[0.31, 0.52, 0.79], [-0.83, 0.44, 0.35], [0.27, -0.91, -0.31]])
+# Three directions, so that an edge or a hole in one of them does not matter.
+DIRECTIONS = np.array([[0.31, 0.52, 0.79], [-0.83, 0.44, 0.35], [0.27, -0.91, -0.31]])
 
 BLOCK = 1 << 16  # faces at a time, which bounds the memory
 
@@ -28,10 +28,10 @@ def is_inside(shape: dict[str, Any], point: Array) -> bool:
     vertices, faces = shape["mesh"].vertices, shape["mesh"].faces
     if len(faces) == 0 or np.any(local < vertices.min(axis=0)) or np.any(local > vertices.max(axis=0)):
         return False
-    crossings = np.zeros(len(WAYS), int)
+    crossings = np.zeros(len(DIRECTIONS), int)
     for first in range(0, len(faces), BLOCK):
         corners = vertices[faces[first : first + BLOCK]].astype(np.float64) - local
-        crossings += [_crossings(corners, way) for way in WAYS]
+        crossings += [_crossings(corners, direction) for direction in DIRECTIONS]
     return int(np.count_nonzero(crossings % 2)) >= 2
 
 

@@ -34,13 +34,13 @@ class Contents(Generic[Group]):
     lights: list[tuple[Array, Node]]
 
     def extend(self, matrix: Array, inner: Contents[Group]) -> None:
-        """Adds what a group inside this one holds."""
+        """Adds the contents of a nested group."""
         self.groups += [(matrix @ placed, group) for placed, group in inner.groups]
         self.lights += [(matrix @ placed, light) for placed, light in inner.lights]
 
 
 def add_instance(builder: Builder, node: Node, add_shape: AddShape) -> None:
-    """Adds what an instance shows to the description.
+    """Adds an instance to the description.
 
     Light sampling has no instances: shapes that are lights are added once for every place.
 
@@ -78,12 +78,14 @@ def group_of(builder: Builder, node: Node) -> Node:
     if not groups or any(group.plugin.lower() != "shapegroup" for group in groups):
         raise SceneError(f'{node} needs a shape "shapegroup" inside, or a reference to one', node.location)
     if len(groups) > 1:
-        builder.diagnostics.warn(f"{node} has more than one shape group; the first one counts", node.location)
+        builder.diagnostics.warn(
+            f"{node} has more than one shape group; the first one is used", node.location
+        )
     return groups[0]
 
 
 def check_size(scene: Node) -> None:
-    """Counts what the shapes of a scene will be, instances and all, before any is made.
+    """Counts the objects that a scene's shapes and instances will create, before creating them.
 
     Raises:
         SceneError: they are too many.
@@ -152,7 +154,7 @@ def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents[in
             lambda inner: _contents(builder, inner, add_shape),
         )
         if not contents.groups and not contents.lights:
-            builder.diagnostics.warn(f"{group} is empty: nothing is seen of it", group.location)
+            builder.diagnostics.warn(f"{group} is empty", group.location)
         return contents
 
     return builder.once(("contents", group), flatten)
@@ -228,5 +230,5 @@ def _add_light(builder: Builder, light: Node, matrix: Array, add_shape: AddShape
 
 
 def keeps_sides(shape: Entry) -> bool:
-    """Whether a mirror leaves the sides as they are: it turns those that the order of vertices tells."""
+    """Whether a mirror leaves the sides as they are: it flips those that depend on the vertex order."""
     return shape["type"] != "mesh" or not (shape["mesh"].normals is None or shape.get("face_normals"))

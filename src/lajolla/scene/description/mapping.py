@@ -1,4 +1,4 @@
-"""Textures that meet shapes without texture coordinates."""
+"""Checks that textured shapes have texture coordinates."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MAPPED = ("bitmap", "checkerboard", "gridtexture")  # where on a texture a point
 
 
 def warn_of_missing_coordinates(builder: Builder) -> None:
-    """Tells of every shape that has none, although a texture on it needs them."""
+    """Warns about shapes without texture coordinates whose textures need them."""
     needing: dict[int, bool] = {}  # materials
     for i, shape in builder.shapes.alike():
         if shape["type"] != "sdfgrid" and not ("mesh" in shape and shape["mesh"].uvs is None):

@@ -1,4 +1,4 @@
-"""What integrators show: a picture, and channels beside it with names of their own."""
+"""The outputs of integrators: the picture and named channels."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Entry = dict[str, Any]  # an integrator of the core
 
 @dataclass(frozen=True)
 class Channel:
-    """A channel beside red, green and blue: a component of what an integrator finds, or alpha."""
+    """A channel beside red, green and blue: a component of an integrator's result, or alpha."""
 
     label: str
     entry: Entry
@@ -37,7 +37,7 @@ class Picture:
     channels: tuple[Channel, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raises ValueError for more channels than anybody looks at: nested integrators double them."""
+        """Raises ValueError if there are too many channels: nested integrators double them."""
         if len(self.channels) > MOST_CHANNELS:
             raise ValueError(f"more than {MOST_CHANNELS} channels")
 
@@ -57,7 +57,7 @@ def colours(name: str, entry: Entry, recorded: str = "rgb") -> tuple[Channel, ..
 
 
 def description_of(picture: Picture, *, alpha: bool) -> dict[str, Any]:
-    """The part of a description that tells what is rendered; every integrator in it runs once per sample.
+    """The part of a description that defines what is rendered; every integrator in it runs once per sample.
 
     Args:
         picture: what is wanted.
@@ -85,7 +85,7 @@ def description_of(picture: Picture, *, alpha: bool) -> dict[str, Any]:
 
 
 def repeated(labels: Iterable[str]) -> str | None:
-    """A label that is there twice."""
+    """A label that is used twice."""
     seen: set[str] = set()
     for label in labels:
         if label in seen:

@@ -90,7 +90,7 @@ class Context(Protocol):
         """The file that a property names, and the place of the name."""
 
     def reading(self, path: Path, location: Location) -> None:
-        """Counts in how many ways a file is read, of which each takes memory."""
+        """Counts the settings with which a file is read; each takes memory."""
 
     def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
         """What was made for this key before, or is made now: files are read once."""
@@ -101,8 +101,8 @@ class Context(Protocol):
     def declared(self, kind: str, plugin: str) -> tuple[Field, ...]:
         """The fields of a plugin."""
 
-    def tell_texture(self, node: Node, name: str) -> None:
-        """Tells of a texture where the node's plugin can only take a constant."""
+    def report_texture(self, node: Node, name: str) -> None:
+        """Reports a texture for a parameter that must be constant."""
 
     def texture(self, node: Node) -> Use | Constant | None:
         """The value of a texture."""
@@ -111,10 +111,10 @@ class Context(Protocol):
         """The value of a volume."""
 
     def index(self, node: Node) -> int:
-        """The index of a phase function or a medium in its list; -1 when it is left out."""
+        """The index of a phase function or a medium in its list; -1 when it is ignored."""
 
     def slot(self, node: Node) -> Slot | None:
-        """The material slot of a bsdf; None when it is left out."""
+        """The material slot of a bsdf; None when it is ignored."""
 
     def picture(self, node: Node) -> Picture:
         """What an integrator shows."""

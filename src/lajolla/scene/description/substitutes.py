@@ -1,7 +1,8 @@
-"""What stands in for plugins that the renderer does not have."""
+"""Replacements for unsupported plugins."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -15,13 +16,18 @@ NESTED = "<nested>"  # the first child of the same kind
 # plugin of that name, its row is not asked.
 SUBSTITUTES = {
     "bsdf": {
+        "glass": "dielectric",
         "hk": "diffuse",
         "irawan": "diffuse",
         "linear": "polarizer",
         "measured_polarized": "diffuse",
+        "metal": "roughconductor",
+        "mirror": "conductor",
         "pplastic": "roughplastic",
         "roughconductorggx": "roughconductor",
         "roughdielectricggx": "roughdielectric",
+        "roughglass": "roughdielectric",
+        "roughmetal": "roughconductor",
     },
     "integrator": {
         "adaptive": NESTED,
@@ -54,10 +60,14 @@ OTHERWISE = {
 
 
 def misspelt(node: Node, available: Iterable[str]) -> str | None:
-    """The name that an unknown one is taken for; integrators and samplers have names that only look alike."""
+    """The name of which an unknown one is a misspelling; integrators and samplers are too alike."""
     if not node.plugin or node.kind in ("integrator", "sampler"):
         return None
-    return nearest(node.plugin, [*available, *SUBSTITUTES.get(node.kind, {})])
+    names = {*available, *SUBSTITUTES.get(node.kind, {})}
+    if node.kind == "bsdf":  # no guess makes a surface with parameters invisible, or lacks what is needed
+        names -= {"null"} if node.properties else set()
+        names -= set() if node.find("weights") else {"mixturebsdf"}
+    return nearest(node.plugin, sorted(names))
 
 
 def substitute_for(node: Node, available: Iterable[str], nested: Node | None) -> str:
@@ -74,11 +84,13 @@ def substitute_for(node: Node, available: Iterable[str], nested: Node | None) ->
     return default if default in names else DROPPED
 
 
-def in_words_of_substitute(node: Node) -> list[Property]:
+def for_substitute(node: Node) -> list[Property]:
     """The properties of a plugin that has a substitute, under the names that they have there."""
     plugin = node.plugin.lower()
     if plugin.startswith("prb"):
         return _with_default(node.properties, "max_depth", 6, node)
+    if plugin == "pplastic":
+        return _with_one_roughness(node)
     if plugin not in ("roughconductorggx", "roughdielectricggx"):
         return node.properties
     properties = node.without(["scattering_order_max"])  # how often light bounces between microfacets
@@ -92,6 +104,15 @@ def in_words_of_substitute(node: Node) -> list[Property]:
     kept = [prop for prop in properties if prop.name not in metal]
     kept.append(replace(colour, name="specular_reflectance"))
     return _with_default(kept, "material", "none", node)
+
+
+def _with_one_roughness(node: Node) -> list[Property]:
+    """`alpha_u` and `alpha_v` as their geometric mean."""
+    both = [node.find(name) for name in ("alpha_u", "alpha_v")]
+    widths = [prop.value for prop in both if prop is not None and isinstance(prop.value, int | float)]
+    if len(widths) < 2 or min(widths) < 0:
+        return node.properties
+    return _with_default(node.without(["alpha_u", "alpha_v"]), "alpha", math.sqrt(math.prod(widths)), node)
 
 
 def _with_default(properties: list[Property], name: str, value: Value, node: Node) -> list[Property]:

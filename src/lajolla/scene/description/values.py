@@ -1,4 +1,4 @@
-"""One property to the value that the core takes for a field."""
+"""Conversion of a property to the value that the core expects."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def _choice(context: Context, owner: Node, prop: Property, field: Field) -> str 
     same, differs = SAME_CHOICE.get((field.name, wanted), (wanted, False))
     if differs:
         context.diagnostics.warn(
-            f'"{wanted}" is not there for "{field.name}"; "{same}" is used', prop.location
+            f'"{wanted}" is not supported for "{field.name}"; "{same}" is used', prop.location
         )
     if same not in field.choices:
         hint = did_you_mean(wanted, field.choices)

@@ -1,1 +1,1 @@
-"""The way out: a scene in the words of Mitsuba 3."""
+"""Export of a scene to Mitsuba 3."""

@@ -1,13 +1,14 @@
-"""Coatings in the words of Mitsuba 3, which has none: plastic, or a mirror on part of what is inside.
+"""Coatings for Mitsuba 3, which has none: plastic, or a blend of a mirror and the base.
 
-As here (`core/scatter/coating.h`), light that the layer reflects back to its base is lost.
+As here (`core/scatter/coating.h`), light that the layer reflects back to its base is lost. A mean share is
+subtracted for all directions; around a rough base more is lost at grazing angles, hence BRIGHTER.
 """
 
 from __future__ import annotations
 
 import math
 
-from ..syntax.nodes import Node, Property, Rgb, Value
+from ..syntax.nodes import Node, Property, Rgb, Value, below
 from .plugins import having, holding, like, named
 from .translation import Translation
 
@@ -20,16 +21,21 @@ CLEAR = (
 DIFFUSE = {"diffuse": "reflectance", "plastic": "diffuse_reflectance", "roughplastic": "diffuse_reflectance"}
 SHARED = ("int_ior", "ext_ior", "specular_reflectance", "alpha", "distribution")  # with plastic
 STEPS = 1024
+# Roughness of mirrors in blends: where one component has a probability and the other a density, Mitsuba's
+# blendbsdf adds the two up.
+SMOOTH = 0.005
+BRIGHTER = "too bright around rough metal: under an even sky by 8 % at roughness 0.1, by 30 % at 0.3"
 
 
 def coating(translation: Translation, read: Node, node: Node) -> Node | None:
     """A coat on every bsdf inside. On diffuse ones it is plastic."""
     inner = next((child for _, child in node.children("bsdf")), None)
     if inner is None:
-        translation.replaced(node, "it is left out")
+        translation.replaced(node, "it is ignored")
         return None
     coated = _coated(translation, node, inner)
-    translation.replaced(node, f'"{coated.plugin}" is written')
+    rough = any(base.plugin == "roughconductor" for base in (inner, *below([inner])))
+    translation.replaced(node, f'"{coated.plugin}" is written' + (f", {BRIGHTER}" if rough else ""))
     return named(coated, node.id)
 
 
@@ -50,12 +56,16 @@ def _coated(translation: Translation, coat: Node, inner: Node) -> Node:
     if _absorbs(coat):
         translation.lose("sigma_a")
     reflected = _mean_reflectance(_eta(coat))
-    passed = _blend(coat, inner, _black(coat), reflected)  # the other half of the way
+    if inner.plugin == "conductor":
+        rough = Node("bsdf", "roughconductor", inner.location, inner.location)
+        rough.properties = inner.properties
+        inner = having(rough, alpha=SMOOTH)
+    passed = _blend(coat, inner, _black(coat), reflected)  # on the way out
     return _blend(coat, passed, _mirror(coat), reflected)
 
 
 def _plastic(translation: Translation, coat: Node, reflectance: Property | None) -> Node:
-    """Without what Mitsuba adds for light that comes back from the layer more than once."""
+    """Without the interreflections inside the layer that Mitsuba's plastic adds."""
     kept = 1 - _mean_reflectance(1 / _eta(coat))  # what leaves of the diffuse light within
     colour: Value = Rgb((0.5,) * 3) if reflectance is None else reflectance.value
     if not isinstance(colour, Rgb):
@@ -76,9 +86,10 @@ def _shiny(coat: Node) -> Node:
 
 
 def _mirror(coat: Node) -> Node:
-    rough = coat.plugin == "roughcoating"
-    mirror = Node("bsdf", "roughconductor" if rough else "conductor", coat.location, coat.location)
+    mirror = Node("bsdf", "roughconductor", coat.location, coat.location)
     mirror.properties = [p for p in coat.properties if p.name in SHARED and not p.name.endswith("_ior")]
+    if coat.plugin == "coating":
+        mirror = having(mirror, alpha=SMOOTH)
     return having(mirror, material="none")
 
 
@@ -97,7 +108,7 @@ def _absorbs(coat: Node) -> bool:
 
 
 def _passed(translation: Translation, coat: Node) -> tuple[float, ...]:
-    """What light keeps on a straight way through the layer and back."""
+    """Transmittance of the layer along its normal, in both directions."""
     sigma, thickness = (
         getattr(coat.find("sigma_a"), "value", Rgb((0.0,) * 3)),
         _number(coat, "thickness", 1.0),
@@ -118,7 +129,7 @@ def _number(node: Node, name: str, default: float) -> float:
 
 
 def _mean_reflectance(eta: float) -> float:
-    """Of even light: Fresnel's reflectance, by the midpoint rule over the squared cosine."""
+    """Fresnel reflectance for diffuse illumination, by the midpoint rule over the squared cosine."""
     return sum(_fresnel(math.sqrt((i + 0.5) / STEPS), eta) for i in range(STEPS)) / STEPS
 
 

@@ -1,4 +1,4 @@
-"""Instances in the words of Mitsuba 3, whose shape groups hold neither groups nor lights."""
+"""Instances for Mitsuba 3, whose shape groups contain neither groups nor lights."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def instances(translation: Translation, node: Node) -> list[Node]:
 
 
 def group(translation: Translation, node: Node) -> list[Node]:
-    """The shapes that stand in a group itself, as a group."""
+    """The direct members of a group, as a group."""
     contents = _contents(translation, node)
     return [inner for _, inner in contents.groups if inner.location == node.location]
 

@@ -1,4 +1,4 @@
-"""Which mesh files Mitsuba 3 reads as they are read here."""
+"""Decides which mesh files Mitsuba 3 reads identically."""
 
 from __future__ import annotations
 
@@ -10,12 +10,16 @@ MOST_OF_HEADER = 1 << 16
 LIST = re.compile(r"property\s+list\s+\S+\s+\S+\s+(\S+)")
 SCALAR = re.compile(r"property\s+(\S+)\s+(\S+)")
 FLOATS = ("float", "float32", "double", "float64")
+COORDINATES = ("x", "y", "z", "nx", "ny", "nz", "u", "v", "s", "t", "texture_u", "texture_v")
 COLOURS = ("r", "g", "b", "red", "green", "blue")
-NOT_READ = re.compile(rb"^[ \t]*f[ \t][^\n]*-|\\[ \t]*\r?$", re.MULTILINE)  # negative indices, long lines
+# A byte order mark, negative indices, lines that go on in the next one, and single texture coordinates.
+NOT_READ = re.compile(
+    rb"\A\xef\xbb\xbf|^[ \t]*f[ \t][^\n]*-|\\[ \t]*\r?$|^[ \t]*vt[ \t]+\S+[ \t]*\r?$", re.MULTILINE
+)
 
 
 def reads_alike(path: Path, plugin: str, triangles: int) -> bool:
-    """Whether Mitsuba 3 makes the same of a file.
+    """Whether Mitsuba 3 reads a file identically.
 
     Args:
         plugin: "obj", "ply" or "serialized".
@@ -28,7 +32,7 @@ def reads_alike(path: Path, plugin: str, triangles: int) -> bool:
 
 
 def _is_plain_ply(start: bytes, triangles: int) -> bool:
-    """Triangles as one list, colours as floating-point numbers, and no words that Mitsuba does not know."""
+    """Triangles as one list, floating-point numbers, and no words that Mitsuba does not know."""
     end = HEADER_END.search(start)
     if end is None:
         return False
@@ -42,9 +46,9 @@ def _is_plain_ply(start: bytes, triangles: int) -> bool:
         faces == [triangles]
         and lists in (["vertex_indices"], ["vertex_index"])
         and not any(line.startswith("obj_info") for line in lines)
-        and not any(_is_colour(name) and kind not in FLOATS for kind, name in scalars)
+        and not any(_is_value(name) and kind not in FLOATS for kind, name in scalars)
     )
 
 
-def _is_colour(name: str) -> bool:
-    return name in COLOURS or name.endswith(("_r", "_g", "_b", "_a"))
+def _is_value(name: str) -> bool:
+    return name in COORDINATES + COLOURS or name.endswith(("_r", "_g", "_b", "_a"))

@@ -9,8 +9,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..description.plugins.daylight import in_words_of_mitsuba3
-from ..description.plugins.volumes import load_voxels
+from ..description.plugins.daylight import for_mitsuba3
+from ..description.plugins.volumes import hierarchical_voxels, load_voxels
 from ..formats.voxels import vol_bytes
 from ..syntax.nodes import Node, Property, Rgb, Value
 from .translation import Translation
@@ -100,19 +100,32 @@ def _renamed(node: Node, plugin: str, *without: str, **values: Value) -> Node:
 
 
 def _map(translation: Translation, read: Node, node: Node) -> Node | None:
-    """The texture under the name that Mitsuba has for it; the reader takes any, and does without."""
+    """The texture under Mitsuba's name; our reader accepts any name, or none."""
     name = "normalmap" if node.plugin == "normalmap" else "map"
     textures = [child for _, child in node.children("texture")]
     given = textures[0] if textures else getattr(node.find(name), "value", None)
+    inner = next((child for _, child in node.children("bsdf")), None)
     if given is None or (name == "map" and not isinstance(given, Node)):
-        return next((child for _, child in node.children("bsdf")), None)
+        return inner
+    if name == "map" and given.plugin != "bitmap":
+        translation.warn(node, f"Mitsuba 3 knows no slope of the {given} in {node}; its bumps are left out")
+        return inner
     kept = [p for p in node.properties if not (isinstance(p.value, Node) and p.value.kind == "texture")]
     plain = Node(node.kind, node.plugin, node.location, node.plugin_location, node.id, kept)
     return having(plain, **{name: given})
 
 
+def _two_sided(translation: Translation, read: Node, node: Node) -> Node | None:
+    """What lets light through stands alone."""
+    builder = translation.builder
+    slots = [builder.slot(child) for _, child in read.children("bsdf")]
+    if any(slot and builder.lets_light_through(slot.front) for slot in slots[:2]):
+        return next((child for _, child in node.children("bsdf")), None)
+    return node
+
+
 def _mixture(translation: Translation, read: Node, node: Node) -> Node | None:
-    """A sum of bsdfs as nested pairs; what the weights leave over is black."""
+    """A weighted sum of bsdfs as nested blends; the remaining weight is black."""
     weights = _numbers(node, "weights")
     parts = [part for _, part in node.children("bsdf")][: len(weights)]
     total = max(1.0, sum(weights))
@@ -137,7 +150,7 @@ def holding(node: Node, *children: Value, name: str = "") -> Node:
 
 
 def named(node: Node, name: str) -> Node:
-    """The node under another id; one that has an id already is kept by it."""
+    """The node with this id, unless it already has one."""
     if node.id or not name:
         return node
     return Node(node.kind, node.plugin, node.location, node.plugin_location, name, node.properties)
@@ -145,7 +158,7 @@ def named(node: Node, name: str) -> Node:
 
 def _inner(translation: Translation, read: Node, node: Node) -> Node | None:
     nested = next((child for _, child in node.children(node.kind)), None)
-    translation.replaced(node, f"the {nested} inside it is written" if nested else "it is left out")
+    translation.replaced(node, f"the {nested} inside it is written" if nested else "it is ignored")
     return nested
 
 
@@ -230,7 +243,7 @@ def _bitmap(translation: Translation, read: Node, node: Node) -> Node:
     filter_type = getattr(node.find("filter_type"), "value", "bilinear")
     result = having(node, filter_type="nearest" if filter_type == "nearest" else "bilinear")
     if getattr(node.find("wrap_mode"), "value", "") in ("zero", "one"):
-        translation.warn(node, f"Mitsuba 3 cannot wrap {node} so; its border is repeated")
+        translation.warn(node, f"Mitsuba 3 does not support this wrap mode of {node}; its border is repeated")
         result = having(result, wrap_mode="clamp")
     gamma, channel = getattr(node.find("gamma"), "value", -1.0), getattr(node.find("channel"), "value", "")
     result.properties = result.without(("gamma", "channel", "max_anisotropy"))
@@ -260,7 +273,10 @@ def _sensor(translation: Translation, read: Node, node: Node) -> Node | None:
     place = node.find("to_world")
     if place is not None and node.plugin in ("perspective", "thinlens"):
         matrix = np.array(place.value, dtype=np.float64)
-        matrix[:3, :3] /= np.linalg.norm(matrix[:3, :3], axis=0)
+        sizes = np.linalg.norm(matrix[:3, :3], axis=0)
+        if np.ptp(sizes) > 1e-3 * sizes.max():
+            translation.warn(node, f"Mitsuba 3 does not stretch what a {node} sees: its scale is left out")
+        matrix[:3, :3] /= sizes
         node = having(node, to_world=matrix)
     if node.find("fov") is None:
         node.properties = node.without(["fov_axis"])
@@ -270,7 +286,7 @@ def _sensor(translation: Translation, read: Node, node: Node) -> Node | None:
 
 
 def _without(translation: Translation, node: Node, *names: str) -> Node:
-    """The node without what Mitsuba 3 has no word for, which is warned about."""
+    """The node without properties that Mitsuba 3 does not support, with a warning."""
     translation.lose(*(name for name in names if node.find(name) is not None))
     return _renamed(node, node.plugin, *names)
 
@@ -298,7 +314,7 @@ def _place(translation: Translation, read: Node) -> dict[str, Value]:
     return {"to_world": entry["to_world"]} if "to_world" in entry else {}
 
 
-SIZES = ("width", "height", "crop_offset_x", "crop_offset_y", "crop_width", "crop_height")
+SIZES = ("width", "height", "crop_offset_x", "crop_offset_y", "crop_width", "crop_height", "sample_border")
 FORMATS = ("file_format", "component_format", "pixel_format")
 LOOKS = ("tonemap_method", "gamma", "exposure", "key", "burn", "digits", "channel_names")
 
@@ -424,12 +440,22 @@ def _grid_volume(translation: Translation, read: Node, node: Node) -> Node | Non
     return having(result, filename=translation.pack(".vol", vol_bytes(voxels.values)))
 
 
+def _hierarchical_volume(translation: Translation, read: Node, node: Node) -> Node | None:
+    """One grid of all blocks."""
+    entry = translation.entry(read)
+    translation.replaced(node, '"gridvolume" is written, which repeats its border beyond its box')
+    result = Node("volume", "gridvolume", node.location, node.plugin_location, node.id)
+    voxels, _ = hierarchical_voxels(translation.builder, read)
+    name = translation.pack(".vol", vol_bytes(voxels.values))
+    return having(result, to_world=entry["to_world"], filename=name)
+
+
 def _daylight(translation: Translation, read: Node, node: Node) -> Node | None:
     """Sun and sky in the same place; the sky ends at the horizon."""
     values = translation.builder.construction(read).values
     if values.get("extend") or values.get("stretch", 1.0) > 1:
-        translation.warn(node, f"Mitsuba 3 draws no {node} below the horizon")
-    written = in_words_of_mitsuba3(translation.builder, read, values)
+        translation.warn(node, f"Mitsuba 3 does not extend {node} below the horizon")
+    written = for_mitsuba3(translation.builder, read, values)
     empty = Node("emitter", "sunsky", node.location, node.plugin_location, node.id)
     return None if written is None else having(empty, **written)
 
@@ -449,6 +475,7 @@ ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("emitter", "spot"): _spot,
     **{("film", name): _film for name in ("film", "hdrfilm", "ldrfilm", "mfilm", "tiledhdrfilm")},
     **{("sampler", name): _sampler for name in ("sobol", "halton", "hammersley", *HAS["sampler"].split())},
+    ("bsdf", "twosided"): _two_sided,
     ("bsdf", "mixturebsdf"): _mixture,
     ("bsdf", "bumpmap"): _map,
     ("bsdf", "normalmap"): _map,
@@ -466,6 +493,7 @@ ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("medium", "heterogeneous"): _heterogeneous,
     ("phase", "sggx"): _sggx,
     ("volume", "gridvolume"): _grid_volume,
+    ("volume", "hgridvolume"): _hierarchical_volume,
     ("texture", "bitmap"): _bitmap,
     ("texture", "checkerboard"): _checkerboard,
     ("texture", "scale"): _inner,

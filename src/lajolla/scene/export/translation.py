@@ -33,7 +33,7 @@ class Translation(Protocol):
         """Notes properties of the object that is being translated which Mitsuba 3 does not have."""
 
     def warn(self, node: Node, message: str) -> None:
-        """Tells of something that is not written as it was read."""
+        """Reports something that is not written as it was read."""
 
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
         """Packs a bitmap's pixels as linear floating-point numbers; the name of the file."""

@@ -1,4 +1,4 @@
-"""A scene's nodes in the words of Mitsuba 3: the plugins, properties and files that it has.
+"""Translates nodes to plugins, properties and files that Mitsuba 3 supports.
 
 What Mitsuba 3 lacks is replaced by what comes nearest, with a warning, as this renderer does where it lacks
 something itself.
@@ -58,7 +58,7 @@ CONSTANTS = {plugin.name for plugin in colours.PLUGINS}
 
 @dataclass
 class Losses:
-    """What one object is replaced by, if it is, and the names of properties that it loses."""
+    """The replacement of an object, and the names of the properties it loses."""
 
     used: str = ""
     names: list[str] = field(default_factory=list)
@@ -95,7 +95,7 @@ class Translator:
             for child in self._values(root, prop, None, {}) if isinstance(prop.value, Node) else ():
                 if isinstance(child, Node) and child.kind == "emitter" and child.plugin in ENVIRONMENTS:
                     if around is not None:
-                        self.warn(child, f"Mitsuba 3 has one light around a scene; {child} is left out")
+                        self.warn(child, f"Mitsuba 3 supports one environment light; {child} is omitted")
                         continue
                     around = child
                 result.properties.append(Property(prop.name, child, prop.location, prop.name_location))
@@ -109,7 +109,7 @@ class Translator:
         return Property("", self.node(node), root.location, root.location)
 
     def node(self, node: Node) -> Node | None:
-        """The node in Mitsuba 3's words; None when it is left out."""
+        """The node for Mitsuba 3; None if it is omitted."""
         if node not in self.done:
             built = self.builder.construction(node)
             try:
@@ -133,6 +133,7 @@ class Translator:
             for name, prop in named(node, fields)
             if name in fields or is_child(prop.value, plugin)
         }
+        values = values | self._values_of_children(node, plugin, fields)
         if getattr(node.find("multiscatter"), "value", False):
             self.lose("multiscatter")  # which no other renderer has
         used = [prop for prop in node.properties if id(prop) in meant and prop.name != "multiscatter"]
@@ -144,6 +145,14 @@ class Translator:
                 result = having(result, **{name: fields[name].default})
         return result
 
+    def _values_of_children(self, node: Node, plugin: Plugin, fields: Mapping[str, Field]) -> Values:
+        """Of textures that plugins convert themselves, as any name would do, but have that of a field."""
+        return {
+            prop.name: self.builder.convert(node, prop, fields[prop.name])
+            for prop, child in node.children("texture")
+            if prop.name in fields and is_child(child, plugin) and self.builder.texture(child) is not None
+        }
+
     def _values(self, node: Node, prop: Property, field: Field | None, values: Values) -> list[Value]:
         if isinstance(prop.value, Node) and prop.value.kind == "shape":
             return list(self.shapes(prop.value))
@@ -153,7 +162,7 @@ class Translator:
     def _translate(self, node: Node, built: Construction) -> Node | None:
         plugin = self.builder.plugin(node)
         assert plugin is not None
-        with self._telling(node):
+        with self._reporting(node):
             result = self._properties(node, plugin, built.values)
             adapter = ADAPTERS.get((node.kind, plugin.name))
             if node.kind == "bsdf" and plugin.name in COATS:
@@ -163,8 +172,8 @@ class Translator:
             return result if plugin.name in HAS[node.kind].split() else self.nearest(result)
 
     @contextmanager
-    def _telling(self, node: Node) -> Iterator[None]:
-        """Tells in one warning what becomes of an object, and which of its properties are lost."""
+    def _reporting(self, node: Node) -> Iterator[None]:
+        """Reports in one warning what replaces an object, and which properties it loses."""
         lost = Losses()
         self.losses.append(lost)
         try:
@@ -174,9 +183,9 @@ class Translator:
         names = ", ".join(f'"{name}"' for name in dict.fromkeys(lost.names))
         if lost.used:
             without = f", without {names}" if names else ""
-            self.warn(node, f"Mitsuba 3 has no {node}; {lost.used}{without}")
+            self.warn(node, f"Mitsuba 3 does not support {node}; {lost.used}{without}")
         elif names:
-            self.warn(node, f"Mitsuba 3 has no {names} in {node}: left out")
+            self.warn(node, f"Mitsuba 3 does not support {names} of {node}")
 
     def replaced(self, node: Node, used: str) -> None:
         """Notes what is written for an object whose plugin Mitsuba 3 does not have."""
@@ -221,7 +230,7 @@ class Translator:
         return written
 
     def _fill_copies(self, scene: Node) -> None:
-        """Copies files that the written scene names; of meshes that are packed it does not."""
+        """Copies the files of the written scene, except packed meshes."""
         names = {p.value for node in below([scene]) for p in node.properties if isinstance(p.value, str)}
         for name, path in self.copied.items():
             if name in names:
@@ -230,9 +239,9 @@ class Translator:
                 del self.packed[name]
 
     def nearest(self, node: Node) -> Node | None:
-        """What comes nearest to a plugin that Mitsuba 3 does not have."""
+        """The closest plugin that Mitsuba 3 supports."""
         name = NEAREST.get((node.kind, node.plugin.lower()), OTHERWISE.get(node.kind, ""))
-        self.replaced(node, f'"{name}" is written' if name else "it is left out")
+        self.replaced(node, f'"{name}" is written' if name else "it is ignored")
         if not name:
             return None
         plugin = self.builder.table[node.kind][name]
@@ -242,7 +251,7 @@ class Translator:
         return Node(node.kind, name, node.location, node.plugin_location, node.id, kept)
 
     def warn(self, node: Node, message: str) -> None:
-        """Tells of something that is not written as it was read."""
+        """Reports something that is not written as it was read."""
         self.builder.diagnostics.warn(message, node.location)
 
     def linear_image(self, node: Node, gamma: float, channel: str) -> str:
@@ -267,12 +276,12 @@ class Translator:
     # Shapes
 
     def shapes(self, node: Node) -> list[Node]:
-        """A shape under its own name where Mitsuba 3 makes the same of it, else as the meshes that it is."""
+        """The shape itself if Mitsuba 3 treats it identically, else its meshes."""
         if node not in self.made:
             built = self.builder.construction(node)
             known = built.node
             try:
-                with self._telling(known or node):
+                with self._reporting(known or node):
                     self.made[node] = [] if known is None else self._shapes(known, built)
             except MissingFile:  # reading the scene warned of it
                 self.made[node] = []
@@ -292,7 +301,7 @@ class Translator:
         if isinstance(entry, list):
             parts = [part for part in entry if isinstance(part, Part)]
             return [self._packed(having_bsdf(result, self._part_bsdf(part)), part.entry) for part in parts]
-        if not isinstance(entry, dict):
+        if not isinstance(entry, dict) or _is_empty(entry):
             return []
         if plugin.name in HAS["shape"].split() and not self._must_pack(result, entry):
             return [
@@ -317,8 +326,17 @@ class Translator:
             if self.pack_all or indexed or node.find("max_smooth_angle") is not None:
                 return True
             mesh = entry["mesh"]
-            return mesh.concave or not reads_alike(self._file_of(node), node.plugin, len(mesh.faces))
+            coloured = node.plugin != "ply" and bool(
+                mesh.attributes
+            )  # which Mitsuba reads of PLY files alone
+            alike = reads_alike(self._file_of(node), node.plugin, len(mesh.faces))
+            return mesh.mended or coloured or not alike
         return node.plugin in ("sphere", "cylinder") and entry["type"] == "mesh"
+
+
+def _is_empty(entry: Entry) -> bool:
+    """Whether a shape is a mesh without faces, which Mitsuba 3 refuses."""
+    return entry["type"] == "mesh" and len(entry["mesh"].faces) == 0
 
 
 def _first_camera_first(root: Node) -> list[Property]:
@@ -331,7 +349,7 @@ def _first_camera_first(root: Node) -> list[Property]:
 
 
 def _counted(node: Node, properties: list[Property]) -> list[Property]:
-    """The properties without the children that are more than their place has use for."""
+    """The properties without surplus children."""
     name = node.plugin.lower()
     kinds = () if name == "mixturebsdf" else COUNTED.get(node.kind, ())
     kinds += ("texture",) if name in MAPS else ()
@@ -354,10 +372,13 @@ def _has_use(node: Node, prop: Property) -> bool:
     child = prop.value
     if not isinstance(child, Node):
         return True
+    if child.kind == "subsurface":
+        return False
     if node.kind == "scene" and child.kind in ("integrator", "sensor"):
         return child in node.outermost(child.kind)
-    if node.kind == "scene":
-        return child.kind != "emitter" or child.plugin.lower() != "area"
+    if node.kind == "scene":  # lights of shapes, and constants, are written where they are used
+        elsewhere = {"emitter": ("area",), "texture": CONSTANTS}.get(child.kind, ())
+        return child.plugin.lower() not in elsewhere
     if node.kind != "shape" or child.kind not in ("emitter", "medium"):
         return True
     if child.kind == "medium":

@@ -1,4 +1,4 @@
-"""Texture images as they are stored: 8-bit stays 8-bit, half stays half."""
+"""Texture images in their stored precision: 8-bit, half or float."""
 
 from __future__ import annotations
 

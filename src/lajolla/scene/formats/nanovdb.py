@@ -106,7 +106,7 @@ def _unpacked(block: bytes, codec: int, size: int) -> Bytes:
     else:
         raise VoxelError(f"its codec {codec} is not known")
     if len(data) != size:
-        raise VoxelError("its data has another size than it tells")
+        raise VoxelError("its data does not have the size stated in the header")
     return np.frombuffer(data, np.uint8)
 
 

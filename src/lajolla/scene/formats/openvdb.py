@@ -216,8 +216,8 @@ class _Tree:
         values = self._values(active)
         step = reach // width
         corners = origin + step * np.stack(np.unravel_index(np.arange(width**3), (width,) * 3), axis=1)
-        told = ~has_child & (active | np.any(values != self.background, axis=1))
-        self._add_tiles(corners[told], step, values[told], active[told])
+        stored = ~has_child & (active | np.any(values != self.background, axis=1))
+        self._add_tiles(corners[stored], step, values[stored], active[stored])
         for corner in corners[has_child]:
             if depth + 1 < len(LEVELS):
                 self._node(corner, depth + 1)
@@ -265,7 +265,7 @@ class _Tree:
             else:
                 data = unpacked_by_blosc(block) if self.flags & BLOSC else inflated(block, size)
         if len(data) != size:
-            raise VoxelError("its data has another size than it tells")
+            raise VoxelError("its data does not have the size stated in the header")
         return np.frombuffer(data, self.stored).reshape(count, self.channels)
 
     def bounds(self) -> tuple[Array, Array]:

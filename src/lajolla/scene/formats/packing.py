@@ -9,7 +9,7 @@ import zlib
 
 from .voxels import VoxelError
 
-# Packed data of a size that a file tells becomes so many bytes at most, and so many more for each packed one.
+# Limit for decompressed data: a constant, and a number of bytes for each compressed byte.
 SMALL_UNPACKED = 1 << 24
 MOST_PACKING = 64
 BLOSC_HEADER = struct.Struct("<4xI8x")  # of a chunk: flags, its size unpacked, sizes of its parts
@@ -32,7 +32,7 @@ def inflated(block: bytes, size: int) -> bytes:
 
 
 def unpacked_by_blosc(chunk: bytes) -> bytes:
-    """A chunk of Blosc, whose header tells its size. Raises VoxelError."""
+    """A chunk of Blosc, whose header contains its size. Raises VoxelError."""
     try:
         import blosc  # needed by such files alone
     except ImportError:

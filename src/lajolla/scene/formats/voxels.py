@@ -20,7 +20,7 @@ MAX_SPARSE_VALUES = 1 << 29
 
 
 class VoxelError(ValueError):
-    """A file that is no voxel grid that can be read."""
+    """A file that cannot be read as a voxel grid."""
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Scene text and scene dicts to nodes: what stands in a file, and where."""
+"""Scene files and dicts to nodes, with locations."""

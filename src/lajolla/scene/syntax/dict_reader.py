@@ -152,7 +152,7 @@ class _DictReader:
         known = [plugin for names in self.known.values() for plugin in names]
         close = nearest(plugin, known)
         hint = did_you_mean(plugin, known) if close else ""
-        raise SceneError(f'there is no plugin "{plugin}"{hint}', location)
+        raise SceneError(f'unknown plugin "{plugin}"{hint}', location)
 
 
 def _plain(entry: object, location: Location) -> object:

@@ -1,4 +1,4 @@
-"""Scene text to a tree of elements that know where they stand."""
+"""Scene text to a tree of elements with locations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where things stand in scene files, and the messages that point there."""
+"""Locations in scene files, and messages that point to them."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ class SceneWarning(LajollaWarning):
 
 @contextmanager
 def blamed_on(place: Location, what: str = "") -> Iterator[None]:
-    """Makes one message of whatever a library, the core or a plugin raises within.
+    """Converts exceptions of libraries, the core and plugins to one message.
 
     Args:
         place: what in the scene they were busy with.
@@ -154,7 +154,7 @@ def blamed_on(place: Location, what: str = "") -> Iterator[None]:
 
 
 def reason_of(problem: Exception) -> str:
-    """The first line of what an exception says, in words that do not need a traceback."""
+    """The first line of an exception's message, understandable without a traceback."""
     if isinstance(problem, MemoryError):
         return "not enough memory"
     if isinstance(problem, OSError) and problem.strerror:
@@ -162,17 +162,17 @@ def reason_of(problem: Exception) -> str:
     text = next(iter(str(problem).splitlines()), "")
     if isinstance(problem, KeyError):
         return f"{text} is missing"
-    told = isinstance(problem, ValueError | RuntimeError) and text
-    return text if told else f"{type(problem).__name__}: {text}".rstrip(": ")
+    clear = isinstance(problem, ValueError | RuntimeError) and text
+    return text if clear else f"{type(problem).__name__}: {text}".rstrip(": ")
 
 
 @dataclass
 class Diagnostics:
-    """Collects warnings. With `strict`, what a scene asks for and cannot have is an error."""
+    """Collects warnings. With `strict`, unsupported requests are errors."""
 
     strict: bool = False
     collected: dict[str, SceneWarning] = field(default_factory=dict)
-    untold: int = 0  # beyond MOST_WARNINGS
+    suppressed: int = 0  # beyond MOST_WARNINGS
 
     def warn(self, message: str, location: Location | None = None, count: int = 1) -> None:
         """Notes something that is rendered in another way than the file might suggest, so many times."""
@@ -180,7 +180,7 @@ class Diagnostics:
         if known:
             known.count += count
         elif len(self.collected) >= MOST_WARNINGS:
-            self.untold += count
+            self.suppressed += count
         else:
             self.collected[message] = SceneWarning(message, location, count)
 
@@ -192,8 +192,8 @@ class Diagnostics:
 
     @property
     def warnings(self) -> list[SceneWarning]:
-        """The warnings in the order in which they were met."""
-        more = [SceneWarning(f"there are {self.untold} more warnings")] if self.untold else []
+        """The warnings in order of occurrence."""
+        more = [SceneWarning(f"there are {self.suppressed} more warnings")] if self.suppressed else []
         return [*self.collected.values(), *more]
 
 
@@ -202,7 +202,7 @@ def nearest(name: str, valid: Iterable[str]) -> str | None:
     return _nearest(name.lower(), tuple(sorted(valid))) if len(name) <= LONGEST_NAME else None
 
 
-@lru_cache(1024)  # a mistake is seldom made once
+@lru_cache(1024)  # a mistake is often repeated
 def _nearest(name: str, valid: tuple[str, ...]) -> str | None:
     by_lower = {v.lower(): v for v in valid}
     found = difflib.get_close_matches(name, by_lower, n=1, cutoff=0.6)

@@ -34,7 +34,7 @@ class Document:
 
 
 class UnknownParameter(Exception):
-    """A parameter that must be one of the scene's, and is not."""
+    """A required parameter that the scene does not have."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
         super().__init__(name)
@@ -70,7 +70,7 @@ def expand_file(
         known = expander.used | expander.defaults.keys()
         if name in required_names:
             raise UnknownParameter(name, known)
-        diagnostics.unknown(f'parameter "{name}" is used nowhere{did_you_mean(name, known)}', root.location)
+        diagnostics.unknown(f'parameter "{name}" is not used{did_you_mean(name, known)}', root.location)
     return Document(root, [*expander.search_paths, path.parent])
 
 
@@ -117,7 +117,7 @@ class _Expander:
         return any(Path(os.path.abspath(path)).is_relative_to(folder) for folder in folders)
 
     def _expand(self, element: Element, including: list[Path]) -> Iterator[Element]:
-        """What stands for `element` in the tree: nothing, itself, or an included file's content."""
+        """The replacement of `element`: nothing, itself, or the content of an included file."""
         if element.run is not None:
             yield element
             return
@@ -150,7 +150,7 @@ class _Expander:
             yield root
 
     def _count(self, path: Path, element: Element) -> None:
-        """Files that include each other more than once would grow beyond all bounds."""
+        """Limits repeated includes, which could grow exponentially."""
         self.inclusions += 1
         size = path.stat().st_size
         if path in self.included:
@@ -176,14 +176,14 @@ class _Expander:
         self.search_paths.insert(0, path)
 
     def _substitute(self, element: Element) -> bool:
-        """Fills in `$name` in all attributes; False when an unknown one makes the element meaningless."""
+        """Replaces `$name` in all attributes; False if an unknown parameter makes the element invalid."""
         unknown = [
             key for key, text in element.attributes.items() if "$" in text and not self._fill(element, key)
         ]
         if "type" in unknown:
             element.attributes["type"] = ""
         elif not element.attributes.get("type", "?").strip():
-            message = f"the type of <{element.tag}> is empty; the default is used, or nothing without one"
+            message = f"the type of <{element.tag}> is empty; the default is used if there is one"
             self.diagnostics.unknown(message, element.at("type"))
         return not [key for key in unknown if key != "type"]
 
@@ -208,7 +208,7 @@ class _Expander:
         filled = self._pattern().sub(value, text).replace("\\$", "$")
         if missing:
             known = self.defaults.keys() | self.parameters.keys() if self._names() <= MOST_HINTS else ()
-            message = f'parameter "${missing[0]}" is not defined, <{element.tag}> is left out'
+            message = f'parameter "${missing[0]}" is not defined, <{element.tag}> is ignored'
             if attribute == "type":
                 message = f'parameter "${missing[0]}" is not defined, the default {element.tag} is used'
             self.diagnostics.unknown(message + did_you_mean(missing[0], known), element.at(attribute))
@@ -230,7 +230,7 @@ class _Expander:
         return ""
 
     def _pattern(self) -> re.Pattern[str]:
-        """Matches what may be parameters; names with other characters than ordinary ones have to be told."""
+        """Matches possible parameters; names with unusual characters must be known."""
         return _pattern_of(tuple(sorted(self.unusual, key=len, reverse=True)))
 
     def _define(self, name: str, value: str) -> None:
@@ -254,7 +254,7 @@ def _pattern_of(unusual: tuple[str, ...]) -> re.Pattern[str]:
 
 
 def required(element: Element, attribute: str) -> str:
-    """An attribute that must be there.
+    """A required attribute.
 
     Raises:
         SceneError: it is missing.

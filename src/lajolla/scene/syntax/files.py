@@ -1,4 +1,4 @@
-"""Finding the files that a scene names."""
+"""Finding the files of a scene."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MAX_BYTES = 1 << 34  # of a file that is read as a whole
 
 
 def file_bytes(path: Path) -> bytes:
-    """All bytes of a file; of a device or a pipe there might be no end.
+    """All bytes of a regular file; devices and pipes, which may be endless, are rejected.
 
     Raises:
         OSError: it cannot be read; it is no file, or too large.
@@ -33,7 +33,7 @@ def file_bytes(path: Path) -> bytes:
 
 
 class MissingFile(SceneError):
-    """A scene names a file that is not there."""
+    """A file of a scene does not exist."""
 
 
 def identity(path: Path) -> tuple[int, int]:
@@ -43,7 +43,7 @@ def identity(path: Path) -> tuple[int, int]:
 
 
 def find_file(name: str, directories: Iterable[Path], location: Location) -> Path:
-    """Finds a file as scenes name them: relative to one of the folders, with either slash, in any case.
+    """Finds a file by its name in a scene: relative to one of the folders, with either slash, in any case.
 
     The working folder is the last of them.
 

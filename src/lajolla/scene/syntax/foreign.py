@@ -1,7 +1,7 @@
-"""Objects of other libraries in scene dicts: what they offer by common protocols, or a refusal.
+"""Objects of other libraries in scene dicts, converted by common protocols or rejected.
 
 No library is imported for that. Paths have `__fspath__`; arrays, tensors and pictures `__array__` or one of
-its kin; transforms a `matrix`; meshes `vertices` and `faces`.
+similar ones; transforms a `matrix`; meshes `vertices` and `faces`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+
+from lajolla.colour import decode_srgb
 
 from .errors import Location, SceneError, reason_of
 
@@ -61,7 +63,16 @@ def _array(value: Any, location: Location) -> np.ndarray[Any, Any]:  # noqa: ANN
         if getattr(value, "mode", None) in INDIRECT_MODES and hasattr(value, "convert"):
             value = value.convert("RGB")
         lacks_array = not any(hasattr(value, name) for name in ARRAYS[:2]) and hasattr(value, "__dlpack__")
-        return np.from_dlpack(value) if lacks_array else np.asarray(value)
+        array = np.from_dlpack(value) if lacks_array else np.asarray(value)
+        return _encoded_as_usual(array, value)
     except Exception as problem:  # whatever the other library raises
         what = f"the {type_name(value)} cannot become an array"
         raise SceneError(f"{what}: {reason_of(problem)}", location) from None
+
+
+def _encoded_as_usual(array: np.ndarray[Any, Any], picture: object) -> np.ndarray[Any, Any]:
+    """Integers are taken as sRGB and other numbers as linear; where a bitmap says otherwise, linear ones."""
+    is_encoded, is_integer = getattr(picture, "srgb_gamma", None), array.dtype.kind == "u"
+    if not callable(is_encoded) or bool(is_encoded()) == is_integer:
+        return array
+    return array / np.float32(np.iinfo(array.dtype).max) if is_integer else decode_srgb(array)

@@ -1,4 +1,4 @@
-"""Numbers, colours and spectra as scene files write them."""
+"""Parsing of numbers, colours and spectra."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def parse_float(text: Text) -> float:
 
 
 def parse_integer(text: Text) -> int:
-    """One whole number; `8.0` counts."""
+    """One whole number; `8.0` is accepted."""
     try:
         value = parse_float(text)
     except SceneError:

@@ -1,4 +1,4 @@
-"""The scene as typed objects: what XML elements and Python dicts both become."""
+"""The scene as typed objects, from XML elements or Python dicts."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ Value: TypeAlias = Union[
 
 @dataclass(slots=True)
 class Property:
-    """A named value of a node. `name` is empty for children that are told apart by their kind.
+    """A named value of a node. `name` is empty for children that are identified by their kind.
 
     In a run the value is a `Column` where numbers differ; where references do, it is that of the first
     member, and `members` has those of all.

@@ -1,4 +1,4 @@
-"""References to the objects they mean."""
+"""Resolves references."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MAX_NESTING = 64  # objects in objects, references followed
 
 
 def resolve(tree: Tree) -> None:
-    """Puts the node that is meant in the place of every reference.
+    """Replaces every reference by its node.
 
     Raises:
         SceneError: an id that is nowhere, or twice; objects that contain themselves.
@@ -69,7 +69,7 @@ def _follow(name: str, aliases: Mapping[str, tuple[str, Location]], ids: Mapping
     while passed[-1] in aliases:
         target = aliases[passed[-1]][0]
         if target in passed:
-            raise SceneError(f"aliases go in a circle: {' -> '.join([*passed, target])}", location)
+            raise SceneError(f"aliases form a cycle: {' -> '.join([*passed, target])}", location)
         passed.append(target)
         if len(passed) > MAX_NESTING:
             raise SceneError(f"aliases of aliases are more than {MAX_NESTING} deep", location)
@@ -78,7 +78,7 @@ def _follow(name: str, aliases: Mapping[str, tuple[str, Location]], ids: Mapping
 
 def _lookup(name: str, ids: Mapping[str, Node], location: Location) -> Node:
     if name not in ids:
-        raise SceneError(f'nothing has the id "{name}"{did_you_mean(name, ids)}', location)
+        raise SceneError(f'no object has the id "{name}"{did_you_mean(name, ids)}', location)
     return ids[name]
 
 

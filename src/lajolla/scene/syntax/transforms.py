@@ -12,7 +12,7 @@ import numpy.typing as npt
 from .element import Element
 from .errors import Location, SceneError, did_you_mean
 from .expand import required
-from .literals import Text, parse_floats
+from .literals import Text, parse_float, parse_floats
 from .members import Irregular, numbers_of
 from .nodes import Array, Column
 
@@ -229,16 +229,24 @@ def _product(left: Rows, right: Rows) -> Rows:
 
 
 def _looking(element: Element, rows: Rows) -> Rows:
+    is_oldest = "ox" in element.attributes  # before 0.3: nine attributes, and +x to the left
+
     def vector(name: str) -> Array:
+        if is_oldest:
+            names = [name[0] + axis for axis in "xyz"]
+            return np.array([parse_float(Text(required(element, n), element.at(n))) for n in names])
         return np.array(parse_floats(Text(required(element, name), element.at(name)), (3,)))
 
     origin, target = vector("origin"), vector("target")
-    up = vector("up") if element.attributes.get("up", "").strip() else np.zeros(3)
+    has_up = "ux" in element.attributes or element.attributes.get("up", "").strip()
+    up = vector("up") if has_up else np.zeros(3)
     try:
         matrix = look_at(origin, target, up if np.any(up) else any_perpendicular(target - origin))
     except ValueError:
         message = "origin and target are the same, or up points along the view"
         raise SceneError(message, element.location) from None
+    if is_oldest:
+        matrix = matrix @ np.diag([-1.0, 1.0, 1.0, 1.0])
     return _product(matrix.tolist(), rows)
 
 

@@ -1,4 +1,4 @@
-"""Elements to nodes: every attribute gets its type here, and nothing later sees XML."""
+"""Elements to nodes with typed properties; later stages do not depend on XML."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ ATTRIBUTES = {
     **dict.fromkeys(("float", "integer", "boolean", "string", "rgb", "srgb"), VALUE_ATTRIBUTES),
     **dict.fromkeys(("point", "vector", "translate", "scale"), VECTOR_ATTRIBUTES),
     "spectrum": (*OBJECT_ATTRIBUTES, *VALUE_ATTRIBUTES, "filename"),
-    "blackbody": ("name", "temperature", "scale"),
+    "blackbody": ("name", "temperature", "scale", "multiplier"),
     "rotate": (*VECTOR_ATTRIBUTES, "angle"),
     "matrix": ("value",),
-    "lookat": ("origin", "target", "up"),
+    "lookat": ("origin", "target", "up", *(point + axis for point in "otu" for axis in "xyz")),
     "transform": ("name", "time"),
     "animation": ("name",),
     "ref": ("id", "name"),
@@ -105,7 +105,7 @@ def member_of_run(node: Node, index: int) -> Tree:
 
 
 def _add(element: Element, parent: Node, given: set[str], tree: Tree, diagnostics: Diagnostics) -> None:
-    """Adds what an element stands for to its parent node, which has properties of the given names."""
+    """Adds an element to its parent node, which already has properties of the given names."""
     tag = OLD_KINDS.get(element.tag, element.tag)
     _check_attributes(element, diagnostics)
     if tag == "alias":
@@ -132,7 +132,7 @@ def _add(element: Element, parent: Node, given: set[str], tree: Tree, diagnostic
         )
     name = element.attributes.get("name", "")
     if name in given:
-        diagnostics.warn(f'"{name}" is given twice in {parent}; the last one counts', element.at("name"))
+        diagnostics.warn(f'"{name}" is given twice in {parent}; the last one is used', element.at("name"))
         parent.properties = parent.without([name])
     if name:
         given.add(name)
@@ -148,7 +148,7 @@ def _object(kind: str, element: Element, tree: Tree, diagnostics: Diagnostics) -
 
 
 def _check_attributes(element: Element, diagnostics: Diagnostics) -> None:
-    """Tells of attributes that mean nothing in an element, or in the operations of a transform."""
+    """Reports unknown attributes of elements and of transform operations."""
     known = ATTRIBUTES.get(element.tag.lower(), OBJECT_ATTRIBUTES)
     for name in element.attributes:
         if name not in known:
@@ -162,7 +162,7 @@ def _check_attributes(element: Element, diagnostics: Diagnostics) -> None:
 def _refuse_children(element: Element) -> None:
     if element.children and element.tag not in ("transform", "animation"):
         child = element.children[0]
-        raise SceneError(f"<{child.tag}> cannot stand inside <{element.tag}>", child.location)
+        raise SceneError(f"<{child.tag}> is not allowed inside <{element.tag}>", child.location)
 
 
 def _text(element: Element, attribute: str = "value") -> Text:
@@ -197,7 +197,8 @@ def _spectrum(element: Element) -> Value:
 
 
 def _blackbody(element: Element) -> Value:
-    scale = _text(element, "scale") if "scale" in element.attributes else None
+    factor = "scale" if "scale" in element.attributes else "multiplier"  # which it was before 0.4
+    scale = _text(element, factor) if factor in element.attributes else None
     return parse_blackbody(_text(element, "temperature"), scale)
 
 

@@ -1,1 +1,1 @@
-"""Nodes of old files in the words and with the defaults of today."""
+"""Old files with the names and defaults of Mitsuba 3."""

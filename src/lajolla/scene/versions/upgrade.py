@@ -1,7 +1,7 @@
-"""Files of older versions, in the words of Mitsuba 3.
+"""Files of older versions with the names of Mitsuba 3.
 
-Names change from camelCase to snake_case, `uscale` and its kin become a transform, and defaults that differ
-between versions are written out, so that nothing later asks for a version.
+Names change from camelCase to snake_case, `uscale` and similar ones become a transform, and
+defaults that differ between versions are written out, so that later stages do not depend on the version.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from ..schema import HARMLESS, Declared
 from ..syntax.errors import Diagnostics
 from ..syntax.names import snake_case
 from ..syntax.nodes import Node, Property, Unsaid
+from . import oldest
 
 AIR = 1.000277
 
@@ -45,6 +46,8 @@ OLD_PROPERTIES = {
     ("film", "crop_y"): "crop_offset_y",
     ("film", "high_quality_edges"): "sample_border",
     ("integrator", "luminaire_samples"): "emitter_samples",
+    ("medium", "size_multiplier"): "scale",
+    ("sampler", "depth"): "dimension",
 }
 # Second names that Mitsuba 0.6 has for a property; the first counts where both are given.
 SYNONYMS = {
@@ -52,6 +55,7 @@ SYNONYMS = {
     "roughdiffuse": ("reflectance", "diffuse_reflectance"),
     "difftrans": ("transmittance", "diffuse_transmittance"),
 }
+RADIANT = {"area": "radiance", "constant": "radiance", "directional": "irradiance"}  # once "intensity"
 UV_PROPERTIES = ("uscale", "vscale", "uvscale", "uoffset", "voffset")
 
 
@@ -68,6 +72,8 @@ def upgrade(
         if node.location.source.version < (2, 0, 0):
             node.unsaid = BEFORE_2
             _upgrade_names(node)
+            if node.location.source.version < (0, 4, 0):
+                oldest.restate(node, node.location.source.version)
             _upgrade_uv(node)
             _write_defaults(node)
         elif node.kind == "bsdf" and node.plugin.lower().startswith("disney"):
@@ -98,6 +104,10 @@ def _upgrade_names(node: Node) -> None:
     for prop in node.properties:
         name = snake_case(prop.name)
         prop.name = OLD_PROPERTIES.get((node.kind, name), name)
+        if node.kind == "emitter" and name == "intensity":
+            prop.name = RADIANT.get(node.plugin, name)
+        if node.kind == "film" and name == "alpha" and isinstance(prop.value, bool):
+            prop.name, prop.value = "pixel_format", "rgba" if prop.value else "rgb"
     name, synonym = SYNONYMS.get(node.plugin, ("", ""))
     if synonym and node.find(name) is None:
         for prop in node.properties:

@@ -1,4 +1,4 @@
-"""The plugins that scene files know and the core does not, or not in that form."""
+"""Plugins of scene files that the core does not have in the same form."""
 
 from ..plugin import Plugin
 from . import (

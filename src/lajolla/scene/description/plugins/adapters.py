@@ -1,4 +1,4 @@
-"""Adapters: bsdfs that hold bsdfs. They become the tree of a material slot, in whatever way they nest."""
+"""Adapters: bsdfs that contain bsdfs. They become the tree of a material slot."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ..plugin import BLACK, AdapterId, Context, MaterialId, Plugin, Slot, Values
 
 
 def _inner(context: Context, node: Node, most: int, needed: str) -> list[Slot]:
-    """The slots of the bsdfs inside an adapter, of which it can hold so many."""
+    """The slots of the bsdfs inside an adapter, up to a maximum number."""
     slots = [slot for _, child in node.children("bsdf") if (slot := context.slot(child)) is not None]
     if not slots:
         raise SceneError(f"{node} needs {needed} inside", node.location)
     if len(slots) > most:
-        first = "the first counts" if most == 1 else f"the first {most} count"
+        first = "the first one is used" if most == 1 else f"the first {most} are used"
         context.diagnostics.warn(f"{node} has {len(slots)} bsdfs inside; {first}", node.location)
     return slots[:most]
 
@@ -27,7 +27,7 @@ def _two_sided(context: Context, node: Node, values: Values) -> Slot:
     front, back = slots[0], slots[-1]
     if any(context.lets_light_through(slot.front) for slot in slots):
         context.diagnostics.warn(
-            f"{node} cannot hold a bsdf that lets light through; it is used alone", node.location
+            f"{node} cannot contain a transmissive bsdf, which is used alone", node.location
         )
         return front
     return Slot(front.front, back.front)
@@ -41,7 +41,7 @@ def _mask(context: Context, node: Node, values: Values) -> Slot:
 
 
 def _filter(passing: float) -> Callable[[Context, Node, Values], Slot]:
-    """Plates that act on polarisation: of unpolarised light they pass so much, straight on."""
+    """Polarising plates, which transmit this fraction of unpolarised light."""
 
     def build(context: Context, node: Node, values: Values) -> Slot:
         clear, share = values.get("transmittance", (1.0, 1.0, 1.0)), 1.0
@@ -49,8 +49,8 @@ def _filter(passing: float) -> Callable[[Context, Node, Values], Slot]:
             share = passing
         else:
             clear = tuple(passing * c for c in clear)
-        pane = {"type": "thindielectric", "int_ior": 1.0, "ext_ior": 1.0, "specular_transmittance": clear}
-        plate: MaterialId = context.add_once("bsdfs", pane, node)
+        sheet = {"type": "thindielectric", "int_ior": 1.0, "ext_ior": 1.0, "specular_transmittance": clear}
+        plate: MaterialId = context.add_once("bsdfs", sheet, node)
         if share < 1:
             plate = context.adapt(node, "blendbsdf", {"weight": share}, first=BLACK, second=plate)
         return Slot(plate)
@@ -73,7 +73,7 @@ def _map(context: Context, node: Node, name: str, texture: str, values: Values) 
         context.diagnostics.warn(f"{node} has no texture inside and changes nothing", node.location)
         return inner
     if len(textures) > 1:
-        context.diagnostics.warn(f"{node} has more than one texture; the first counts", node.location)
+        context.diagnostics.warn(f"{node} has more than one texture; the first one is used", node.location)
     if textures:
         field = next(f for f in context.declared("bsdf", name) if f.name == texture)
         values[texture] = context.convert(node, textures[0], field)
@@ -101,7 +101,7 @@ def _blend(context: Context, node: Node, values: Values) -> Slot:
 
 
 def _mixture(context: Context, node: Node, values: Values) -> Slot:
-    """Of `mixturebsdf`, what the weights leave over is black."""
+    """`mixturebsdf`: the remaining weight is black."""
     slots = _inner(context, node, len(node.properties), "bsdfs")
     text = Text(values.get("weights", ""), node.property_location("weights"))
     weights = parse_floats(text, (len(text.text.replace(",", " ").split()),)) if text.text.strip() else ()
@@ -136,16 +136,16 @@ def _mixed(context: Context, node: Node, values: Values, first: Slot, second: Sl
 
 
 def _seen_from_behind(context: Context, slot: Slot) -> MaterialId:
-    """What lets light through is seen from behind wherever it stands."""
+    """Transmissive bsdfs are visible from both sides."""
     return slot.front if slot.back == BLACK and context.lets_light_through(slot.front) else slot.back
 
 
 def _coating(context: Context, node: Node, values: Values) -> Slot:
-    """A layer around every bsdf inside: it goes through blends and masks, and under maps."""
+    """Adds a coating to every bsdf inside blends, masks and maps."""
     inner = _inner(context, node, 1, "a bsdf")[0]
     clear = context.lets_light_through(inner.front) or context.lets_light_through(inner.back)
     if clear:
-        message = f"{node} cannot hold a bsdf that lets light through; that stays without"
+        message = f"{node} cannot contain a transmissive bsdf, which remains uncoated"
         context.diagnostics.warn(message, node.location)
     made: dict[MaterialId, MaterialId] = {}
     return Slot(*(_coated(context, node, values, side, made) for side in (inner.front, inner.back)))
@@ -183,7 +183,7 @@ def _coated(
     if context.lets_light_through(material):
         return material
     if base["type"] == "coating":
-        context.diagnostics.warn(f"{node} around another coating is left out", node.location)
+        context.diagnostics.warn(f"{node} around another coating is ignored", node.location)
         return material
     made[material] = context.add_once("bsdfs", {"type": "coating", "base": base, **values}, node)
     return made[material]

@@ -51,7 +51,7 @@ def _hair(context: Context, node: Node, values: Values) -> Entry:
     radii = np.full((len(points), 1), radius / (1 - reduction) * scale, np.float32)
     alone = np.repeat(lengths(first, len(points)) == 1, lengths(first, len(points)))
     if np.any(alone):
-        context.diagnostics.warn(f"{node} has {alone.sum()} hairs of one point: left out", node.location)
+        context.diagnostics.warn(f"{node} has {alone.sum()} hairs of one point: ignored", node.location)
     return _entry(context, node, "linear", np.hstack([points, radii]), first, values, allow_short=True)
 
 
@@ -82,11 +82,14 @@ def _entry(
     segments = segment_starts(first, len(points), NEEDED[basis])
     points = np.ascontiguousarray(points, np.float32)
     if any(emitter.plugin.lower() == "area" for _, emitter in node.children("emitter")):
-        context.diagnostics.warn(f"{node} shines: it is rendered as a mesh of tubes", node.location)
+        context.diagnostics.warn(f"{node} emits light: it is rendered as a mesh of tubes", node.location)
         placed = points.astype(float)
         matrix = np.asarray(values.get("to_world", np.eye(4)))
-        placed[:, :3] = placed[:, :3] @ matrix[:3, :3].T + matrix[:3, 3]
-        return {"type": "mesh", "mesh": _core.Mesh(*tube_arrays(placed, segments, basis))}
+        placed[:, :3] = placed[:, :3] @ matrix[:3, :3].T
+        to_world = np.eye(4)
+        to_world[:3, 3] = matrix[:3, 3]  # left to the core: float32 has no digits far from the origin
+        tubes = _core.Mesh(*tube_arrays(placed, segments, basis))
+        return {"type": "mesh", "mesh": tubes, "to_world": to_world}
     return {"type": "curves", "curves": _core.Curves(points, segments), "basis": basis, **values}
 
 

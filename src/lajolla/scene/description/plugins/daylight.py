@@ -1,4 +1,4 @@
-"""Sun and sky: an environment map and a distant disk to the core."""
+"""Sun and sky as an environment map and a distant disk of the core."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _place(context: Context, node: Node, values: Values) -> tuple[Array, Array |
     if "sun_direction" in values:
         if any(name in values for name in MOMENT):
             context.diagnostics.warn(
-                '"sun_direction" and a time are both given; the direction counts',
+                '"sun_direction" and a time are both given; the direction is used',
                 node.property_location("sun_direction"),
             )
         sun = np.linalg.pinv(to_world[:3, :3]) @ np.array(values["sun_direction"], float)
@@ -74,7 +74,7 @@ def _place(context: Context, node: Node, values: Values) -> tuple[Array, Array |
         around = math.cos(azimuth) * north + math.sin(azimuth) * east
         sun = math.sin(zenith) * around + np.array([0, math.cos(zenith), 0])
     if sun[1] < 0:
-        context.diagnostics.warn("the sun is below the horizon, and there is no light of it", node.location)
+        context.diagnostics.warn("the sun is below the horizon, and emits no light", node.location)
         return to_world, None
     return to_world, sun
 
@@ -88,8 +88,8 @@ def _sky_light(
     context.sky_pixels += width * map_height(width)
     most = WIDEST * map_height(WIDEST)
     if context.sky_pixels > most:
-        raise SceneError(f"the skies of the scene have more than {most:,} pixels", node.location)
-    pixels = sky_map(
+        raise SceneError(f"the sky images of the scene have more than {most:,} pixels", node.location)
+    pixels, end = sky_map(
         sun,
         values.get("turbidity", 3.0),
         np.array(values.get("albedo", (0.3,) * 3)),
@@ -98,11 +98,11 @@ def _sky_light(
         extend=values.get("extend", False),
     )
     image = _core.Image(pixels, srgb=False)
-    return [{"type": "envmap", "image": image, "scale": scale, "to_world": to_world}]
+    return [{"type": "envmap", "image": image, "theta_max": end, "scale": scale, "to_world": to_world}]
 
 
 def _sun_light(values: Values, to_world: Array, sun: Array, scale: float) -> Entries:
-    """The flux of the true sun, whatever the size of its disk."""
+    """The sun as a light with the irradiance of the real sun, independent of the size of its disk."""
     model = preetham_sun if values.get("sun_model") == "preetham" else hosek_sun
     elevation, turbidity = math.asin(min(1.0, float(sun[1]))), values.get("turbidity", 3.0)
     solid_angle = 2 * math.pi * (1 - math.cos(math.radians(SUN_DIAMETER / 2)))
@@ -130,8 +130,8 @@ def _sun_light(values: Values, to_world: Array, sun: Array, scale: float) -> Ent
     ]
 
 
-def in_words_of_mitsuba3(context: Context, node: Node, values: Values) -> Entry | None:
-    """The properties of a `sunsky` of Mitsuba 3 that shines alike; None at night."""
+def for_mitsuba3(context: Context, node: Node, values: Values) -> Entry | None:
+    """The properties of the equivalent `sunsky` of Mitsuba 3; None at night."""
     to_world, sun = _place(context, node, values)
     if sun is None:
         return None
@@ -139,8 +139,17 @@ def in_words_of_mitsuba3(context: Context, node: Node, values: Values) -> Entry 
     sun_scale: float = values.get("sun_scale", scale)
     turbidity, elevation = values.get("turbidity", 3.0), math.asin(sun[1])
     if values.get("sun_model") == "preetham":
-        old, new = (float(luminance(model(elevation, turbidity))[0]) for model in (preetham_sun, hosek_sun))
-        sun_scale *= old / new if new > 0 else 0.0
+        old, new = (model(elevation, turbidity) for model in (preetham_sun, hosek_sun))
+        as_bright = float(luminance(old)[0] / max(luminance(new)[0], 1e-30))
+        sun_scale *= as_bright
+        if sun_scale > 0 and node.plugin != "sky":
+            changes = (f"{v:+.0%}" for v in as_bright * new / np.maximum(old, 1e-30) - 1)
+            more_red, more_green, more_blue = changes
+            context.diagnostics.warn(
+                f"Mitsuba 3 uses another model of the sun, scaled to the same luminance: "
+                f"red {more_red}, green {more_green}, blue {more_blue}",
+                node.location,
+            )
     x, y, z = (to_world[:3, :3] @ sun).tolist()
     red, green, blue = values.get("albedo", (0.3,) * 3)
     return {
@@ -171,19 +180,21 @@ COMMON = (
     Field("latitude", "float", "north of the equator", 35.6894, -90.0, 90.0, "degrees"),
     Field("longitude", "float", "east of Greenwich", 139.6917, -360.0, 360.0, "degrees"),
     Field("timezone", "float", "by which the clock is ahead of universal time", 9.0, -24.0, 24.0, "hours"),
-    Field("stretch", "float", "draws the sky below the horizon: 1 not at all, 2 all the way", 1.0, 1.0, 2.0),
+    Field(
+        "stretch", "float", "stretches the sky below the horizon: 1 not at all, 2 to the nadir", 1.0, 1.0, 2.0
+    ),
     Field("scale", "float", "factor on the light", 1.0, 0.0),
     Field("up", "choice", "the axis towards the zenith, before to_world", "z", choices=("y", "z")),
 )
 SKY = (
     Field("albedo", "spectrum", "of the ground", 0.3, 0.0, 1.0),
     Field("resolution", "integer", "width of the image of the sky", 512, 4, WIDEST, "pixels"),
-    Field("extend", "boolean", "the sky goes on below the horizon", False),
+    Field("extend", "boolean", "extend the sky below the horizon", False),
 )
 SUN = (
     Field("sun_aperture", "float", "angle of the sun's diameter", SUN_DIAMETER, 0.0, 179.0, "degrees"),
     Field("sun_radius_scale", "float", "factor on the sun's size, not on its light", 1.0, 0.0, 1e4),
-    Field("sun_model", "choice", "who measured the sun", "hosek", choices=("hosek", "preetham")),
+    Field("sun_model", "choice", "model of the sun's radiance", "hosek", choices=("hosek", "preetham")),
 )
 SCALES = (
     Field("sun_scale", "float", "factor on the sun, instead of scale", 1.0, 0.0),

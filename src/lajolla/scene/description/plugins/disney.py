@@ -1,4 +1,4 @@
-"""Disney's models: other names and measures of their parameters."""
+"""Disney's models: alternative names and units of parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..plugin import Context, Entry, Plugin, Values
 
 
 def _principled(context: Context, node: Node, values: Values) -> Entry:
-    """`specular` is another measure of `eta`: 0.08 of it is the reflectance at normal incidence."""
+    """Converts `specular` to `eta`: reflectance at normal incidence = 0.08 * specular."""
     specular = values.pop("specular", None)
     if specular is not None:
         if "eta" in values:

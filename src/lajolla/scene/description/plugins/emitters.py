@@ -1,4 +1,4 @@
-"""Lights whose place can be written in more than one way."""
+"""Lights with alternative parameters for their position."""
 
 from __future__ import annotations
 
@@ -8,32 +8,45 @@ import numpy as np
 
 from lajolla import _core
 
-from ...formats.images import FLOAT_RGB, read_pixels
+from ...formats.images import FLOAT_RGB, Pixels, read_pixels
 from ...schema import Field
+from ...syntax.errors import Location
 from ...syntax.files import identity
 from ...syntax.nodes import Node
 from ..plugin import Context, Entry, Plugin, Values
 from .lenses import LENS, field_of_view, width_per_axis
-from .textures import decode
+from .textures import ARRAYS, decode, pixels_from_python
 
 
 def _envmap(context: Context, node: Node, values: Values) -> Entry:
+    array = pixels_from_python(node, values)
+    if array is not None:
+        image = _panorama(context, *array, "the panorama", node.location)
+        return {"type": "envmap", "image": image, **values}
     values.pop("filename", None)
     path, location = context.find(node)
     key = ("envmap", identity(path))
 
     def read() -> _core.Image:
         pixels, is_integer = read_pixels(path, location, context.pictures, pixel=FLOAT_RGB)
-        linear = np.asarray(decode(pixels) if is_integer else pixels, np.float32)
-        if not np.all(np.isfinite(linear)) or np.any(linear < 0):
-            context.diagnostics.warn(
-                f'"{path.name}" has pixels that are negative or not finite; they are black', location
-            )
-            linear = np.where(np.isfinite(linear) & (linear >= 0), linear, 0).astype(np.float32)
-        rgb = np.ascontiguousarray(np.broadcast_to(linear, (*linear.shape[:2], 3)))
-        return _core.Image(rgb, srgb=False)
+        return _panorama(context, pixels, is_integer, f'"{path.name}"', location)
 
     return {"type": "envmap", "image": context.once(key, read), **values}
+
+
+def _panorama(
+    context: Context, pixels: Pixels, is_encoded: bool, name: str, location: Location
+) -> _core.Image:
+    """A picture of light: linear, and never negative."""
+    linear = np.asarray(decode(pixels) if is_encoded else pixels, np.float32)
+    if not is_encoded and pixels.dtype == np.uint8:
+        linear = linear / np.float32(255)
+    if not np.all(np.isfinite(linear)) or np.any(linear < 0):
+        message = f"{name} has pixels that are negative or not finite; they are black"
+        context.diagnostics.warn(message, location)
+        linear = np.where(np.isfinite(linear) & (linear >= 0), linear, 0).astype(np.float32)
+    rgb = np.ascontiguousarray(np.broadcast_to(linear, (*linear.shape[:2], 3)))
+    return _core.Image(rgb, srgb=False)
 
 
 def _point(context: Context, node: Node, values: Values) -> Entry:
@@ -57,7 +70,7 @@ def _spot(context: Context, node: Node, values: Values) -> Entry:
 
 
 def _projector(context: Context, node: Node, values: Values) -> Entry:
-    """The picture's own shape decides which way it is wide."""
+    """Computes the field of view along x from the picture's aspect ratio."""
     picture = values.get("irradiance")
     entry = context.entry("textures", picture["texture"]) if isinstance(picture, dict) else {}
     if entry.get("type") == "clamped":
@@ -71,9 +84,9 @@ def _projector(context: Context, node: Node, values: Values) -> Entry:
 
 
 def _collimated(context: Context, node: Node, values: Values) -> None:
-    """Left out: the beam has no width, and paths from the camera never meet it."""
+    """Ignored: the beam has zero width, so that paths from the camera cannot hit it."""
     context.diagnostics.unknown(
-        f"{node} is a beam without width, which no path finds; it is left out", node.location
+        f"{node} is a beam of zero width, which no path can hit; it is ignored", node.location
     )
 
 
@@ -90,14 +103,14 @@ PLUGINS = (
         "emitter",
         "envmap",
         "",
-        (FILENAME,),
+        (FILENAME, *ARRAYS),
         _envmap,
         model="envmap",
-        hidden=("image",),
+        hidden=("image", "theta_max"),
     ),
     Plugin("emitter", "point", "", (PLACE,), _point, model="point"),
     Plugin("emitter", "directional", "", (PLACE,), _directional, model="directional"),
     Plugin("emitter", "spot", "", (), _spot, model="spot"),
     Plugin("emitter", "projector", "", LENS, _projector, model="projector", hidden=("aspect",)),
-    Plugin("emitter", "collimated", "A beam without width; it is left out.", BEAM, _collimated),
+    Plugin("emitter", "collimated", "A beam of zero width; it is ignored.", BEAM, _collimated),
 )

@@ -1,4 +1,4 @@
-"""Films: the size of the picture, and how it is written."""
+"""Films: picture size and output settings."""
 
 from __future__ import annotations
 
@@ -68,9 +68,9 @@ def _pixel_format(context: Context, node: Node, file_format: str, word: str) -> 
     place = node.property_location("pixel_format")
     name = OTHER_NAMES.get(word, word)
     if word.startswith("spectrum"):
-        context.diagnostics.warn(f'spectra are not rendered; "{name}" is used', place)
+        context.diagnostics.warn(f'spectral output is not supported; "{name}" is used', place)
     if name not in PIXEL_FORMATS:
-        raise SceneError(f'there is no pixel format "{word}"{did_you_mean(word, PIXEL_FORMATS)}', place)
+        raise SceneError(f'unknown pixel format "{word}"{did_you_mean(word, PIXEL_FORMATS)}', place)
     holds = HOLDS.get(file_format, tuple(PIXEL_FORMATS))
     if name in holds:
         return name
@@ -99,9 +99,7 @@ def _formats(*names: str) -> Field:
 
 
 def _pixels(default: str) -> Field:
-    return Field(
-        "pixel_format", "string", f"{', '.join(PIXEL_FORMATS)}; alpha tells where something is", default
-    )
+    return Field("pixel_format", "string", f"{', '.join(PIXEL_FORMATS)}; alpha is the coverage", default)
 
 
 HDR_FIELDS = (

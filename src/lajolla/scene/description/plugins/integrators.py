@@ -1,4 +1,4 @@
-"""Integrators in other words, and those that render several things at once."""
+"""Integrators with other names, and those with several outputs."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _variables(node: Node) -> Iterator[tuple[str, str]]:
             raise SceneError(f'"{item}" is not NAME:VARIABLE, such as "normals:sh_normal"', prop.location)
         if variable not in VARIABLES:
             hint = did_you_mean(variable, VARIABLES)
-            raise SceneError(f'there is no variable "{variable}"{hint}', prop.location)
+            raise SceneError(f'unknown variable "{variable}"{hint}', prop.location)
         yield name, variable
 
 

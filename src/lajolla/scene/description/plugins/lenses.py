@@ -45,7 +45,7 @@ def width_per_axis(axis: str, aspect: float) -> float:
 
 
 FOCAL_LENGTH = Field(
-    "focal_length", "string", "instead of fov, on 35 mm film; counts where neither is given", "50mm"
+    "focal_length", "string", "instead of fov, on 35 mm film; default if neither is given", "50mm"
 )
 AXES = ("x", "y", "diagonal", "smaller", "larger")
 LENS = (FOCAL_LENGTH, Field("fov_axis", "choice", "which side of the picture fov spans", "x", choices=AXES))

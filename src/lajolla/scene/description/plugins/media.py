@@ -1,4 +1,4 @@
-"""Media and phase functions: coefficients in all their spellings, and materials by name."""
+"""Media and phase functions: alternative coefficients, and materials by name."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Rgb = tuple[float, ...]
 
 
 def _homogeneous(context: Context, node: Node, values: Values) -> Entry:
-    """Homogeneous, unless the albedo or the particles' area differ from place to place."""
+    """Homogeneous unless the albedo or the particles' area varies in space."""
     if values.keys() & {"sigma_a", "sigma_s"} and values.keys() & {"sigma_t", "albedo"}:
         message = f'{node} takes "sigma_a" and "sigma_s", or "sigma_t" and "albedo", not both'
         raise SceneError(message, node.location)
@@ -69,7 +69,7 @@ def _named_material(node: Node, name: str) -> tuple[Rgb, Rgb]:
 
 
 def _varies(context: Context, phase: int) -> bool:
-    """Whether a phase function has particles whose area differs from place to place."""
+    """Whether the area of a phase function's particles varies in space."""
     if phase < 0:
         return False
     entry = context.entry("phases", phase)
@@ -104,7 +104,7 @@ def _boxed(context: Context, medium: Node, extinction: Rgb) -> dict[str, int]:
 
 def _hg(context: Context, node: Node, values: Values) -> Entry:
     if isinstance(values.get("g"), dict):
-        context.tell_texture(node, "g")
+        context.report_texture(node, "g")
         del values["g"]
     return {"type": "hg", **values}
 
@@ -118,7 +118,7 @@ def _blend(context: Context, node: Node, values: Values) -> Entry:
 
 
 def _count_parts(context: Context, phase: int) -> int:
-    """Of how many phase functions one is mixed; those that stand in the list have few."""
+    """The number of phase functions in a mixture."""
     entry: Entry = context.entry("phases", phase) if phase >= 0 else {"type": "isotropic"}
     if entry["type"] != "blendphase":
         return 1

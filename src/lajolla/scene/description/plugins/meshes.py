@@ -56,7 +56,24 @@ def _load(context: Context, loader: str, path: Path, options: Values, location: 
         mesh: Mesh = load(str(path), *index, flip_uvs=options["flip_tex_coords"], **encoding)
     except _core.MeshError as problem:
         raise SceneError(f'"{path}": {problem}', location) from None
+    _warn_of_lost_digits(context, mesh, path, location)
     return mesh.with_smooth_normals(options["max_smooth_angle"]) if "max_smooth_angle" in options else mesh
+
+
+def _warn_of_lost_digits(context: Context, mesh: Mesh, path: Path, location: Location) -> None:
+    """Tells, of the first such file, that its vertices are too far from their origin for float32."""
+    if not len(mesh.vertices):
+        return
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    farthest = np.abs(mesh.vertices).max()
+    step = float(np.spacing(farthest))
+    if step <= 1e-2 * size or farthest == 0:
+        return
+    message = (
+        f'"{path}": its vertices are so far from their origin that float32 tells places {step:.2g} apart, '
+        f"in a mesh of {size:.2g}; to_world can place it without that loss"
+    )
+    context.once(("lost digits",), lambda: context.diagnostics.warn(message, location))
 
 
 def _with_normals(
@@ -68,7 +85,8 @@ def _with_normals(
     """
     if mesh.normals is not None or values.get("face_normals"):
         return key, mesh
-    matrix = np.asarray(values.get("to_world", np.eye(4)), float)
+    matrix = np.array(values.get("to_world", np.eye(4)), float)
+    matrix[:3, 3] = 0  # angles are the same everywhere
     if is_even(matrix, 1e-5) and not turns_over(matrix):  # angles and orientation stay
         matrix = np.eye(4)
     key = (*key, "normals", matrix.tobytes())
@@ -125,7 +143,7 @@ FLIP_V = "count v from the top"
 SMOOTH = Field(
     "max_smooth_angle",
     "float",
-    "make vertex normals; edges sharper than this stay sharp",
+    "computes vertex normals; edges with a larger angle stay hard",
     None,
     0.0,
     180.0,

@@ -1,4 +1,4 @@
-"""Shapes that are meshes to the core, and those that hold other shapes."""
+"""Shapes that become meshes, and those that contain other shapes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _cube(context: Context, node: Node, values: Values) -> Entry:
 
 
 def _round_shape(name: str, arrays: Callable[[Values], MeshArrays]) -> Build:
-    """A builder for shapes that the core knows only when `to_world` scales alike in all directions."""
+    """A builder for shapes that the core supports only with uniform scale."""
 
     def build(context: Context, node: Node, values: Values) -> Entry:
         if name == "sphere" and _agreed(turns_over(_matrices(values))) and node.unsaid.mirrored:
@@ -34,7 +34,9 @@ def _round_shape(name: str, arrays: Callable[[Values], MeshArrays]) -> Build:
             return {"type": name, **values}
         if node.run is not None:
             raise Irregular
-        context.diagnostics.warn(f"a stretched {name} is rendered as a mesh of fine triangles", node.location)
+        context.diagnostics.warn(
+            f"a {name} with non-uniform scale is rendered as a triangle mesh", node.location
+        )
         placed = {k: v for k, v in values.items() if k in ("to_world", "flip_normals")}
         return {"type": "mesh", "mesh": _core.Mesh(*arrays(values)), **placed}
 
@@ -88,7 +90,7 @@ def _agreed(truth: Truth) -> bool:
 
 
 def _grouping(name: str) -> Build:
-    """A builder for what is no shape itself; `instances.py` makes of it what it shows."""
+    """A builder for groups and instances; `instances.py` expands them."""
     return lambda context, node, values: {"type": name, **values}
 
 

@@ -19,11 +19,10 @@ def _bitmap(context: Context, node: Node, values: Values) -> Entry:
     values.pop("filename", None)
     raw, gamma = values.pop("raw", False), values.pop("gamma", -1.0)
     channel = values.pop("channel", "")
-    arrays = [values.pop(name) for name in ("data", "bitmap") if name in values]
     encoded = not (raw or gamma == 1 or is_alpha(channel))
-    if arrays:
-        pixels, is_integer = _from_array(node, arrays[0], channel)
-        image = _image(pixels, gamma, encoded=encoded and is_integer)
+    array = pixels_from_python(node, values, channel)
+    if array is not None:
+        image = _image(array[0], gamma, encoded=encoded and array[1])
     else:
         path, location = context.find(node)
         key = ("texture", identity(path), raw, gamma, channel)
@@ -39,7 +38,7 @@ def _bitmap(context: Context, node: Node, values: Values) -> Entry:
 
 
 def is_alpha(channel: str) -> bool:
-    """Whether a channel is coverage, which no file encodes as it does colours."""
+    """Whether a channel is alpha, which is never encoded as sRGB."""
     return channel.lower() == "a"
 
 
@@ -63,8 +62,17 @@ def decode(pixels: Pixels, gamma: float = -1.0) -> Pixels:
 CHANNELS = {1: "y", 2: "ya", 3: "rgb", 4: "rgba"}  # of an array, by their number
 
 
-def _from_array(node: Node, data: object, channel: str) -> tuple[Pixels, bool]:
-    """The pixels of an array as if it were a file of its type, and whether they are integers."""
+def pixels_from_python(node: Node, values: Values, channel: str = "") -> tuple[Pixels, bool] | None:
+    """The pixels of an array as if it were a file of its type, and whether they are integers.
+
+    Takes the array, if there is one, out of the node's values.
+    """
+    arrays = [values.pop(name) for name in ("data", "bitmap") if name in values]
+    if not arrays:
+        return None
+    if len(arrays) > 1 or node.find("filename") is not None:
+        raise SceneError(f"{node} takes one of a file, an array and a bitmap", node.location)
+    data = arrays[0]
     try:
         array = np.asarray(data)
         array = array[:, :, None] if array.ndim == 2 else array
@@ -105,6 +113,10 @@ def _vertex_colors(context: Context, node: Node, values: Values) -> Entry:
     return {"type": "mesh_attribute", "name": "vertex_color"}
 
 
+ARRAYS = (
+    Field("data", "image", "from Python: an array (height, width, 1 to 4), read as a file of its type"),
+    Field("bitmap", "image", "from Python: the same"),
+)
 SCALED = Field("texture", "texture_spectrum", "what is scaled; may have any name")
 FACTOR = Field("scale", "texture_spectrum", "the factor", 1.0)
 SCALED_COLOR = Field("value", "spectrum", "a colour in place of the texture")
@@ -130,10 +142,7 @@ PLUGINS = (
             Field("raw", "boolean", "values are not colours: take them as they are", False),
             Field("gamma", "float", "exponent of the encoding; 1 is linear, -1 is sRGB", -1.0),
             Field("channel", "string", "use one channel only: r, g, b or a", ""),
-            Field(
-                "data", "image", "from Python: an array (height, width, 1 to 4), read as a file of its type"
-            ),
-            Field("bitmap", "image", "from Python: the same"),
+            *ARRAYS,
         ),
         _bitmap,
         model="bitmap",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NoReturn
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -10,11 +10,12 @@ import numpy.typing as npt
 from lajolla import _core
 
 from ...data.spectra import blackbody
+from ...formats.hierarchical import read_hierarchical
 from ...formats.volumes import read_voxels
 from ...formats.voxels import VoxelError, Voxels, box_transform
 from ...schema import Field
 from ...syntax.errors import Location, SceneError
-from ...syntax.files import identity
+from ...syntax.files import find_file, identity
 from ...syntax.nodes import Array, Blackbody, Node
 from ..plugin import Colour, Context, Entry, Plugin, Values
 
@@ -27,7 +28,7 @@ def _constant(context: Context, node: Node, values: Values) -> Colour:
 
 
 def placement_of(context: Context, volume: Node | None) -> Array:
-    """Where the box of a constant volume is, which may stand inside of another volume."""
+    """The box of a constant volume, which may be inside another volume."""
     while volume is not None:
         prop = volume.find("to_world")
         if prop is not None:
@@ -43,7 +44,7 @@ def _grid_volume(context: Context, node: Node, values: Values) -> Entry:
 
 
 def _blackbody_volume(context: Context, node: Node, values: Values) -> Entry:
-    """Planck's law at every voxel; temperatures between the voxels are not looked at again."""
+    """Planck's law at every voxel; radiance, not temperature, is interpolated."""
     scale = values.pop("scale", 1.0)
     factor, offset = values.pop("temperature_scale", 1.0), values.pop("temperature_offset", 0.0)
     values.setdefault("grid_name", "temperature")
@@ -59,7 +60,7 @@ def _blackbody_volume(context: Context, node: Node, values: Values) -> Entry:
 
 
 def load_voxels(context: Context, node: Node, values: Values) -> tuple[Voxels, Location]:
-    """The voxels of a file, or of an array from Python, and what to blame for them."""
+    """The voxels of a file or an array from Python, and the location for error messages."""
     arrays = [values.pop(name) for name in ("data", "grid") if name in values]
     grid_name = values.pop("grid_name", "density")
     if arrays:
@@ -115,8 +116,28 @@ def _from_array(node: Node, data: object) -> npt.NDArray[np.generic]:
         raise SceneError(f'"data" of {node} is not an array', node.location) from None
 
 
-def _unsupported(context: Context, node: Node, values: Values) -> NoReturn:
-    raise SceneError(f'{node} is not supported; its data must become one "gridvolume"', node.plugin_location)
+def _hierarchical(context: Context, node: Node, values: Values) -> Entry:
+    for name in ("filename", "prefix", "postfix"):
+        values.pop(name, None)
+    voxels, location = hierarchical_voxels(context, node)
+    values = {"align_corners": True, "wrap_mode": "zero", "use_grid_bbox": True, **values}
+    return _entry(context, node, values, voxels, _finite(context, voxels.values, location))
+
+
+def hierarchical_voxels(context: Context, node: Node) -> tuple[Voxels, Location]:
+    """The voxels of all blocks of a `hgridvolume`, and what to blame for them."""
+    path, location = context.find(node)
+    prefix, postfix = (str(getattr(node.find(name), "value", "")) for name in ("prefix", "postfix"))
+    folders = context.directories(location)
+
+    def file_of(x: int, y: int, z: int) -> Path:
+        return find_file(f"{prefix}{x:03}_{y:03}_{z:03}{postfix}", folders, location)
+
+    try:
+        return read_hierarchical(path, file_of), location
+    except (OSError, MemoryError, VoxelError) as problem:
+        reason = str(problem) or "it does not fit into memory"
+        raise SceneError(f'"{path}" cannot be used as a volume: {reason}', location) from None
 
 
 MAX_KELVIN = 1e6
@@ -125,11 +146,16 @@ STEPS = 1024  # of the table of colours over temperatures
 FILE = (
     Field("filename", "string", "a .vol, .nvdb or .vdb file"),
     Field("grid_name", "string", "which grid of a .nvdb or .vdb file", "density"),
-    Field("use_grid_bbox", "boolean", "the box that the file tells, not the unit cube (.vol: off)", False),
+    Field("use_grid_bbox", "boolean", "use the box of the file instead of the unit cube (.vol: off)", False),
     Field("min", "vector", "with max: the box to fill, instead of the unit cube"),
     Field("max", "vector", "with min"),
     Field("data", "grid", "from Python: an array (depth, height, width[, 1, 3 or 6]) instead of a file"),
     Field("grid", "grid", "from Python: the same"),
+)
+BLOCKS = (
+    Field("filename", "string", "the list of the blocks"),
+    Field("prefix", "string", "of the names of their files, before XXX_YYY_ZZZ", ""),
+    Field("postfix", "string", "behind it", ""),
 )
 VALUE = Field("value", "spectrum", "the value everywhere", (1.0, 1.0, 1.0))
 TO_WORLD = Field(
@@ -153,5 +179,13 @@ PLUGINS = (
         model="gridvolume",
         hidden=("grid",),
     ),
-    Plugin("volume", "hgridvolume", "Grids within a grid; not supported.", (), _unsupported),
+    Plugin(
+        "volume",
+        "hgridvolume",
+        "Grids within a grid, each a .vol file; they become one.",
+        BLOCKS,
+        _hierarchical,
+        model="gridvolume",
+        hidden=("grid",),
+    ),
 )

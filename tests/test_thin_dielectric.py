@@ -74,12 +74,12 @@ def means_by_channel(integrator: str, scene: Settings, samples: int) -> list[np.
 @pytest.mark.parametrize("layers", [1, 2])
 def test_a_plane_below_panes(integrator: str, glass: Settings, layers: int) -> None:
     """Under a white sky: the mean transmittance over the cosine-weighted hemisphere. Panes are no bounces."""
-    panes = [
+    sheets = [
         {"type": "rectangle", "to_world": translation(0, 0, 1 + i) @ scaling(1e5), "material": 1}
         for i in range(layers)
     ]
     scene = {
-        "shapes": [PLANE, *panes],
+        "shapes": [PLANE, *sheets],
         "bsdfs": [GREY, glass],
         "materials": [{"front": 0}, {"front": 1}],
         "sensor": {**point_view((0, 0.1, 0.5)), "far_clip": 100},
@@ -87,25 +87,25 @@ def test_a_plane_below_panes(integrator: str, glass: Settings, layers: int) -> N
     cosine = np.sqrt((np.arange(20000) + 0.5) / 20000)  # the sine's square is uniform
     expected = 0.6 * (transmittance(cosine, glass) ** layers).mean(axis=0)
     for found, value in zip(means_by_channel(integrator, scene, 64), expected, strict=True):
-        check_mean(f"{layers} panes, {integrator}", found, value, slack=2e-4)
+        check_mean(f"{layers} sheets, {integrator}", found, value, slack=2e-4)
 
 
 NOISE = generator("panes").integers(0, 256, (12, 16, 3)).astype(np.uint8)
 MAPPED: Settings = {"type": "normalmap", "normalmap": {"texture": 1}, "use_shadowing_function": False}
 ADAPTERS: list[Settings] = [
-    {"type": "mask", "opacity": 0.6, "child": 1},  # panes with holes
+    {"type": "mask", "opacity": 0.6, "child": 1},  # sheets with holes
     {"type": "blendbsdf", "weight": 0.3, "first": {"adapter": 0}, "second": 0},  # and grey spots
     {"type": "bumpmap", "map": {"texture": 0}, "scale": 0.3, "child": {"adapter": 1}},
     {**MAPPED, "child": 1},
-    {"type": "blendbsdf", "weight": {"texture": 0}, "first": {"adapter": 3}, "second": 2},  # two panes
+    {"type": "blendbsdf", "weight": {"texture": 0}, "first": {"adapter": 3}, "second": 2},  # two sheets
 ]
 MATERIALS: dict[str, Settings] = {
-    "pane": {"front": 1},
+    "sheet": {"front": 1},
     "holes": {"front": {"adapter": 0}},
     "dirty": {"front": {"adapter": 1}, "back": {"adapter": 1}},
     "dirty from outside": {"front": {"adapter": 1}, "back": {"adapter": 0}},
     "bumpy": {"front": {"adapter": 2}, "back": {"adapter": 2}},
-    "two panes": {"front": {"adapter": 4}},
+    "two sheets": {"front": {"adapter": 4}},
 }
 
 
@@ -167,7 +167,7 @@ def test_filtering_keeps_the_brightness_of_stained_glass(filter_type: str) -> No
 
 
 @pytest.mark.parametrize("smooth", [False, True])
-@pytest.mark.parametrize("material", ["pane", "holes", "two panes"])
+@pytest.mark.parametrize("material", ["sheet", "holes", "two sheets"])
 def test_clear_shells_are_white_under_a_white_sky(material: str, smooth: bool) -> None:
     """What is not reflected passes, whatever the normal, the maps and the mixture."""
     scene = make_scene(
