@@ -117,7 +117,7 @@ def _materials(builder: Builder, node: Node, material: Material) -> int | Column
     assert isinstance(bsdf, Node)
     if prop.members:
         found = {member: material(builder, node, member) for member in _members(prop)}
-        return Column(np.array([found[member] for member in prop.members], np.int64))  # type: ignore[index]
+        return Column(np.array([found[member] for member in prop.members if isinstance(member, Node)]))
     if bsdf.run is None:
         return material(builder, node, bsdf)
     own = [bsdf, *(inner for inner in below([bsdf]) if inner.run is not None)]
@@ -232,7 +232,7 @@ def _add_instances(builder: Builder, node: Node, entry: dict[str, Any], group_of
     groups: int | Column
     if prop.members:
         found = {member: group_of(builder, member) for member in _members(prop)}
-        groups = Column(np.array([found[member] for member in prop.members], np.int64))  # type: ignore[index]
+        groups = Column(np.array([found[member] for member in prop.members if isinstance(member, Node)]))
     else:
         groups = group_of(builder, prop.value)
     to_world = entry.get("to_world", np.eye(4))
