@@ -4,7 +4,7 @@
 
 namespace lajolla {
 
-// Has no lobe of its own: prepare() in phases.h puts those of its parts side by side.
+// Has no lobe of its own: prepare() in phases.h collects the lobes of its components.
 struct BlendPhase {
     static constexpr const char *name = "blendphase";
     static constexpr const char *doc = "A mixture of two phase functions.";

@@ -5,7 +5,7 @@
 namespace lajolla {
 
 // Burley's model as lajolla's course defines it (Li, "CSE 272", UC San Diego, homework 1): no thin surfaces,
-// no subsurface transport, sheen in reflection only, and nothing but glass inside.
+// no subsurface transport, sheen in reflection only, and only glass inside.
 struct DisneyBsdf {
     static constexpr const char *name = "disneybsdf";
     static constexpr const char *doc =

@@ -4,9 +4,9 @@
 
 namespace lajolla {
 
-// Burley's model as Mitsuba 3 has it. It parts from Burley in three places: dielectrics reflect by Fresnel's
-// equations, Schlick's approximation takes the refracted angle where light gets faster inside, and the clear
-// coat lacks the two cosines of a microfacet model's denominator.
+// Burley's model as in Mitsuba 3, with three differences from Burley: dielectrics use the Fresnel equations,
+// Schlick's approximation uses the refracted angle if eta < 1, and the clear coat lacks the two cosines in
+// the denominator of microfacet models.
 struct Principled {
     static constexpr const char *name = "principled";
     static constexpr const char *doc =
