@@ -384,7 +384,7 @@ class Builder:
         return AdapterId(self.add_once("adapters", entry, node))
 
     def lets_light_through(self, material: MaterialId) -> bool:
-        """Whether any part of a material is seen from both sides."""
+        """Whether any part of a material is transmissive."""
         return any(self.transmissive[bsdf] for bsdf in self._bsdfs_of(material))
 
     def _bsdfs_of(self, material: MaterialId) -> Iterator[int]:
