@@ -92,10 +92,9 @@ void put(DirectSample<Float> &x, int k, const DirectSample<float> &value) {
 
 // --- picking -----------------------------------------------------------------------------------------------
 
-// What lights are picked by: half of the time by power, else evenly, for power knows nothing of distance, and
-// a lamp at a wall must not be left out because there are brighter ones elsewhere. The power of lights at
-// infinity is what enters the whole scene; little of it may be where the camera looks, and they count for no
-// more than all others.
+// Selection of lights: with probability 1/2 by power, otherwise uniformly, because power does not depend on
+// distance: nearby dim lights must be sampled too. The power of lights at infinity is that entering the whole
+// scene, of which the camera may see little, so it is limited to the power of all others.
 std::vector<float> pick_weights(std::span<const Light> lights, std::span<const float> powers) {
     const auto is_distant = [](const auto &light) {
         using T = std::decay_t<decltype(light)>;

@@ -95,7 +95,7 @@ struct RoughDielectric {
         }
 
         static Vec3<Float> up(const Vec3<Float> &w) { return {w.x, w.y, abs(w.z)}; }
-        // Flips `side` if w is below.
+        // w, flipped if `side` is below.
         static Vec3<Float> towards(const Vec3<Float> &side, const Vec3<Float> &w) {
             return {w.x, w.y, select(side.z > 0.0f, w.z, -w.z)};
         }
