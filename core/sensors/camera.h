@@ -21,12 +21,12 @@ template <class Float>
 struct CameraRay {
     Ray<Float> ray;
     RayCone<Float> cone;
-    // Uniform numbers: what comes first along the ray, and by which channel the path samples media.
+    // Uniform numbers for the first event along the ray, and for the channel by which the path samples media.
     Float u_event = 0, u_channel = 0;
     Vec2<Float> film{}, lens{}; // what it was generated from
 };
 
-// What a camera is made for: known once the scene is.
+// Properties of the film that cameras need.
 struct CameraFit {
     float aspect, width; // of the film: its width over its height, and its width in pixels
     BoundingSphere scene;
@@ -58,7 +58,7 @@ struct Perspective {
     template <class Float>
     CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
 
-    // The point at z = 1 that a film position stands for, in camera space.
+    // The point at z = 1 of a film position, in camera space.
     template <class Float>
     Vec3<Float> through(const Vec2<Float> &film) const {
         return {(1 - 2 * (film.x + principal_point_offset_x)) * half_width,
@@ -220,12 +220,12 @@ CameraRay<Float> Orthographic::generate(const Vec2<Float> &film, const Vec2<Floa
     const Vec3<Float> origin{1 - 2 * film.x, (1 - 2 * film.y) / aspect_, 0};
     CameraRay<Float> camera{world_ray(to_world, origin, Vec3<Float>{0, 0, 1}, near_clip, far_clip),
                             {pixel_, 0}};
-    // Orthographic cameras are zoomed by scaling them: that must not bring the far plane nearer.
+    // Orthographic cameras are zoomed by their scale, which must not change the distance of the far plane.
     camera.ray.far = camera.ray.near + (far_clip - near_clip);
     return camera;
 }
 
-// The lens is round in world space, and the focus distance measured there, however the picture is scaled.
+// The lens is a disk in world space, and the focus distance is measured there, for any scale of the camera.
 template <class Float>
 CameraRay<Float> Telecentric::generate(const Vec2<Float> &film, const Vec2<Float> &lens) const {
     CameraRay<Float> camera = Orthographic::generate(film, lens);

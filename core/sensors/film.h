@@ -1,5 +1,5 @@
 #pragma once
-// The film's size, the list of pixel filters, and the samplers a scene file may ask for.
+// The film's size, the list of pixel filters, and the samplers.
 
 #include <tuple>
 #include <variant>
@@ -127,8 +127,8 @@ struct LanczosFilter {
 using PixelFilter =
     std::variant<BoxFilter, TentFilter, GaussianFilter, MitchellFilter, CatmullRomFilter, LanczosFilter>;
 
-// Samples offsets from the pixel's centre in proportion to a filter's absolute value, tabulated. Where the
-// filter is negative the weight is.
+// Samples offsets from the pixel's centre by a table of a filter's absolute value. The weight has the sign of
+// the filter.
 class FilterSampler {
 public:
     template <class Float>
@@ -160,7 +160,7 @@ private:
     float radius_ = 0.5f;
 };
 
-// How many samples, and which sequence gives their random numbers.
+// The sample count, and the sequence of random numbers.
 
 struct SamplerBase {
     int sample_count = 4;
