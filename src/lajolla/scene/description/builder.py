@@ -104,7 +104,7 @@ def _of_model(kind: str, name: str) -> Plugin:
 class Construction:
     """How a node was built."""
 
-    node: Node | None  # the node itself, or what stands in for it; None where it is ignored
+    node: Node | None  # the node itself, or its replacement; None if it is ignored
     values: Values
     result: Built
 

@@ -65,7 +65,7 @@ def _array(value: Any, location: Location) -> np.ndarray[Any, Any]:  # noqa: ANN
         lacks_array = not any(hasattr(value, name) for name in ARRAYS[:2]) and hasattr(value, "__dlpack__")
         array = np.from_dlpack(value) if lacks_array else np.asarray(value)
         return _encoded_as_usual(array, value)
-    except Exception as problem:  # whatever the other library raises
+    except Exception as problem:  # the other library may raise any exception
         what = f"the {type_name(value)} cannot become an array"
         raise SceneError(f"{what}: {reason_of(problem)}", location) from None
 

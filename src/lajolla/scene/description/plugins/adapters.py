@@ -80,7 +80,7 @@ def _map(context: Context, node: Node, name: str, texture: str, values: Values) 
     front = context.adapt(node, name, values, child=inner.front)
     if inner.back == BLACK:
         return Slot(front)
-    # What stands out of the front is a hollow seen from behind.
+    # A bump on the front is a dent on the back.
     mirrored = values | {"scale": -values.get("scale", 1.0)}
     return Slot(front, context.adapt(node, name, mirrored, child=inner.back))
 

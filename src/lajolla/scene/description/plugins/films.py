@@ -60,7 +60,7 @@ def _layers(node: Node, films: list[Film], names: list[str]) -> tuple[Layer, ...
 
 # Formats of spectral builds, and the spelling of Mitsuba 0.6.
 OTHER_NAMES = {"luminancealpha": "luminance_alpha", "spectrum": "rgb", "spectrumalpha": "rgba"}
-# What a file format can hold, and what it gets where that is not asked for.
+# The pixel formats that a file format supports; others support all.
 HOLDS = {"rgbe": ("rgb",), "pfm": ("rgb", "luminance"), "jpeg": ("rgb", "luminance")}
 
 
