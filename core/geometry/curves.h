@@ -41,7 +41,7 @@ struct Curves : NeverLight {
         return std::tuple(
             field("curves", &Curves::curves, "control points and segments"),
             field("basis", &Curves::basis, "cones between spheres, or uniform cubic B-splines"),
-            field("to_world", &Curves::to_world, "placement in the scene; radii stay as they are"));
+            field("to_world", &Curves::to_world, "placement in the scene; radii are not scaled"));
     }
     void build();
     Bounds bounds() const;

@@ -42,7 +42,7 @@ struct TriangleMesh {
             field("mesh", &TriangleMesh::mesh, "vertices and triangles"),
             field("to_world", &TriangleMesh::to_world, "placement in the scene"),
             field("face_normals", &TriangleMesh::face_normals, "flat faces: ignore vertex normals"),
-            field("flip_normals", &TriangleMesh::flip_normals, "turn the inside out"));
+            field("flip_normals", &TriangleMesh::flip_normals, "flip the normals"));
     }
     void build();
     void prepare_sampling();
@@ -83,7 +83,7 @@ struct Sphere {
         return std::tuple(field("center", &Sphere::center, "before to_world"),
                           field("radius", &Sphere::radius, "before to_world").range(0),
                           field("to_world", &Sphere::to_world, "placement in the scene"),
-                          field("flip_normals", &Sphere::flip_normals, "turn the inside out"));
+                          field("flip_normals", &Sphere::flip_normals, "flip the normals"));
     }
     void build();
     void prepare_sampling() {}
@@ -112,7 +112,7 @@ struct Rectangle {
 
     static constexpr auto fields() {
         return std::tuple(field("to_world", &Rectangle::to_world, "placement in the scene"),
-                          field("flip_normals", &Rectangle::flip_normals, "turn it around"));
+                          field("flip_normals", &Rectangle::flip_normals, "flip the normal"));
     }
     void build();
     void prepare_sampling() {}
@@ -136,7 +136,7 @@ struct Disk {
 
     static constexpr auto fields() {
         return std::tuple(field("to_world", &Disk::to_world, "placement in the scene"),
-                          field("flip_normals", &Disk::flip_normals, "turn it around"));
+                          field("flip_normals", &Disk::flip_normals, "flip the normal"));
     }
     void build();
     void prepare_sampling() {}

@@ -36,7 +36,7 @@ struct Blend {
     MaterialId first, second;
 
     static constexpr auto fields() {
-        return std::tuple(field("weight", &Blend::weight, "share of the second material").range(0, 1),
+        return std::tuple(field("weight", &Blend::weight, "weight of the second material").range(0, 1),
                           field("first", &Blend::first, "where the weight is 0"),
                           field("second", &Blend::second, "where the weight is 1"));
     }

@@ -29,8 +29,8 @@ struct GridVolume {
     static constexpr auto fields() {
         return std::tuple(
             field("grid", &GridVolume::grid, "the samples"),
-            field("filter_type", &GridVolume::filter_type, "how values between samples are found"),
-            field("wrap_mode", &GridVolume::wrap_mode, "what lies outside the cube; never density"),
+            field("filter_type", &GridVolume::filter_type, "interpolation between samples"),
+            field("wrap_mode", &GridVolume::wrap_mode, "values outside the cube; densities are zero there"),
             field("align_corners", &GridVolume::align_corners,
                   "the outermost samples lie on the cube's faces, not half a voxel within"),
             field("to_world", &GridVolume::to_world, "places the cube"));

@@ -15,7 +15,7 @@ struct Phong {
 
     static constexpr auto fields() {
         return std::tuple(
-            field("exponent", &Phong::exponent, "the higher, the smaller the highlights").range(0),
+            field("exponent", &Phong::exponent, "larger values make smaller highlights").range(0),
             field("diffuse_reflectance", &Phong::diffuse_reflectance, "fraction of light the base reflects")
                 .range(0, 1),
             field("specular_reflectance", &Phong::specular_reflectance,

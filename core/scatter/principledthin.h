@@ -35,14 +35,15 @@ struct PrincipledThin {
             field("sheen", &PrincipledThin::sheen, "reflection of cloth at grazing angles").range(0, 1),
             field("sheen_tint", &PrincipledThin::sheen_tint, "gives sheen the hue of the base color")
                 .range(0, 1),
-            field("flatness", &PrincipledThin::flatness, "flatter, as if light spread under the surface")
+            field("flatness", &PrincipledThin::flatness,
+                  "flattened shape that approximates subsurface scattering")
                 .range(0, 1),
             field("diff_trans", &PrincipledThin::diff_trans,
                   "0 reflects all diffuse light, 2 transmits all of it")
                 .range(0, 2),
             field("multiscatter", &PrincipledThin::multiscatter,
-                  "give back the light that bounces between microfacets, where eta is a number and "
-                  "anisotropic is 0"));
+                  "compensate the energy lost by single scattering; needs a constant eta and "
+                  "anisotropic 0"));
     }
 
     BsdfTraits traits() const {

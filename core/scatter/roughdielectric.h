@@ -37,7 +37,7 @@ struct RoughDielectric {
                   "tints the refraction; 1 is physical")
                 .range(0, 1),
             field("multiscatter", &RoughDielectric::multiscatter,
-                  "give back the light that bounces between microfacets, of one alpha"));
+                  "compensate the energy lost by single scattering; needs equal alpha_u and alpha_v"));
     }
 
     BsdfTraits traits() const { return {.transmissive = true, .anisotropic = !(alpha_u == alpha_v)}; }

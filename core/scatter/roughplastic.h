@@ -45,7 +45,7 @@ struct RoughPlastic {
                 .range(0, 1),
             field("nonlinear", &RoughPlastic::nonlinear, "saturate colours by scattering under the coat"),
             field("multiscatter", &RoughPlastic::multiscatter,
-                  "let the base have the light that bounces between microfacets"));
+                  "add the energy lost by single scattering to the base"));
     }
 
     BsdfTraits traits() const { return {.diffuse_colour = &diffuse_reflectance}; }

@@ -45,9 +45,11 @@ struct Perspective {
         return std::tuple(
             field("to_world", &Perspective::to_world, "placement in the scene"),
             field("fov", &Perspective::fov, "field of view").range(1e-3, 179.999).unit("degrees"),
-            field("fov_axis", &Perspective::fov_axis, "which side of the picture the field of view spans"),
-            field("near_clip", &Perspective::near_clip, "nothing nearer than this along +z is seen").range(0),
-            field("far_clip", &Perspective::far_clip, "nothing farther than this along +z is seen").range(0),
+            field("fov_axis", &Perspective::fov_axis, "side of the picture to which fov applies"),
+            field("near_clip", &Perspective::near_clip, "surfaces nearer than this along +z are invisible")
+                .range(0),
+            field("far_clip", &Perspective::far_clip, "surfaces farther than this along +z are invisible")
+                .range(0),
             field("principal_point_offset_x", &Perspective::principal_point_offset_x,
                   "shift of the picture, in widths of the film"),
             field("principal_point_offset_y", &Perspective::principal_point_offset_y,
@@ -72,8 +74,7 @@ struct Perspective {
 
 struct ThinLens : Perspective {
     static constexpr const char *name = "thinlens";
-    static constexpr const char *doc =
-        "A camera with a round aperture: what is not at the focus distance is blurred.";
+    static constexpr const char *doc = "A camera with a round aperture and depth of field.";
     float aperture_radius = 0, focus_distance = 1e4f;
 
     static constexpr auto fields() {
@@ -97,9 +98,9 @@ struct Orthographic {
     static constexpr auto fields() {
         return std::tuple(
             field("to_world", &Orthographic::to_world, "placement in the scene"),
-            field("near_clip", &Orthographic::near_clip, "nothing nearer than this along +z is seen")
+            field("near_clip", &Orthographic::near_clip, "surfaces nearer than this along +z are invisible")
                 .range(0),
-            field("far_clip", &Orthographic::far_clip, "nothing farther than this along +z is seen")
+            field("far_clip", &Orthographic::far_clip, "surfaces farther than this along +z are invisible")
                 .range(0));
     }
     void build(const CameraFit &fit);
@@ -112,8 +113,7 @@ private:
 
 struct Telecentric : Orthographic {
     static constexpr const char *name = "telecentric";
-    static constexpr const char *doc =
-        "Parallel views through a round aperture: what is not at the focus distance is blurred.";
+    static constexpr const char *doc = "An orthographic camera with a round aperture and depth of field.";
     float aperture_radius = 0, focus_distance = 1e4f;
 
     static constexpr auto fields() {
@@ -168,7 +168,7 @@ struct Distant {
 
     static constexpr auto fields() {
         return std::tuple(
-            field("to_world", &Distant::to_world, "placement in the scene; only directions count"),
+            field("to_world", &Distant::to_world, "placement in the scene; only directions are used"),
             field("target", &Distant::target, "the point that is looked at"),
             field("has_target", &Distant::has_target,
                   "look at the target alone, not at all of the scene's bounding sphere"));

@@ -54,8 +54,9 @@ struct TentFilter {
     static constexpr const char *doc = "Tent filter: linear falloff.";
     float filter_radius = 1;
     static constexpr auto fields() {
-        return std::tuple(
-            field("radius", &TentFilter::filter_radius, "where it vanishes").range(1e-3, 64).unit("pixels"));
+        return std::tuple(field("radius", &TentFilter::filter_radius, "distance at which it is zero")
+                              .range(1e-3, 64)
+                              .unit("pixels"));
     }
     float radius() const { return filter_radius; }
     float operator()(float x) const { return std::max(1 - std::abs(x) / filter_radius, 0.0f); }

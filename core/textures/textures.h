@@ -74,11 +74,11 @@ struct Bitmap {
     static constexpr auto fields() {
         return std::tuple(
             field("image", &Bitmap::image, "the pixels"),
-            field("filter_type", &Bitmap::filter_type, "how values between pixels are found"),
-            field("wrap_mode", &Bitmap::wrap_mode, "what lies outside the unit square"),
+            field("filter_type", &Bitmap::filter_type, "interpolation between pixels"),
+            field("wrap_mode", &Bitmap::wrap_mode, "values outside the unit square"),
             field("to_uv", &Bitmap::to_uv, "transform of texture coordinates before the look-up"),
             field("max_anisotropy", &Bitmap::max_anisotropy,
-                  "longest footprint of ewa filtering over its width; longer ones are widened")
+                  "maximum ratio of length to width of ewa footprints; longer ones are widened")
                 .range(1, 256));
     }
     void build();
@@ -174,7 +174,7 @@ struct ClampedTexture {
 
     static constexpr auto fields() {
         return std::tuple(field("texture", &ClampedTexture::texture, "what is clamped"),
-                          field("low", &ClampedTexture::low, "the smallest value, also of what is no number"),
+                          field("low", &ClampedTexture::low, "the smallest value; also replaces NaN"),
                           field("high", &ClampedTexture::high, "the largest value"));
     }
     void build();

@@ -21,7 +21,7 @@ struct Direct {
                 .range(0, 65536),
             field("bsdf_samples", &Direct::bsdf_samples, "samples of the BSDF per camera ray; 0 for none")
                 .range(0, 65536),
-            field("hide_emitters", &Direct::hide_emitters, "the camera looks through lights"));
+            field("hide_emitters", &Direct::hide_emitters, "lights are invisible to the camera"));
     }
 
     void build() {

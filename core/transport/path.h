@@ -67,7 +67,7 @@ struct Path {
                 .range(-1),
             field("rr_depth", &Path::rr_depth, "bounces before Russian roulette may end a path, 4096 at most")
                 .range(0),
-            field("hide_emitters", &Path::hide_emitters, "the camera looks through lights"),
+            field("hide_emitters", &Path::hide_emitters, "lights are invisible to the camera"),
             field("strategy", &Path::strategy, "sample lights, BSDFs, or both weighted by their densities"));
     }
 

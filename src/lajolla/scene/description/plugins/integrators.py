@@ -136,7 +136,7 @@ def _view(variable: str) -> Callable[[Context, Node, Values], Entry]:
 
 
 VIEWS = (
-    ("depth", "depth", "Distance from the camera, 0 where nothing is seen."),
+    ("depth", "depth", "Distance from the camera; 0 without a hit."),
     ("shadingNormal", "sh_normal", "Shading normals in world space."),
     (
         "meanCurvature",

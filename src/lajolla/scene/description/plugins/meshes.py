@@ -150,12 +150,12 @@ SMOOTH = Field(
     "degrees",
 )
 SRGB = Field("srgb", "boolean", "integers that are colours are encoded (on before version 2)", False)
-INDEX = Field("shape_index", "integer", "which mesh of the file", 0, 0, 2**31 - 1)
+INDEX = Field("shape_index", "integer", "index of the mesh in the file", 0, 0, 2**31 - 1)
 OBJ = (
     Field(
         "shape_index", "integer", 'which run of faces between "g" and "usemtl"; -1: all', -1, -1, 2**31 - 1
     ),
-    Field("collapse", "boolean", "one shape, whatever materials the file names", False),
+    Field("collapse", "boolean", "one shape, also if the file names several materials", False),
     Field("load_materials", "boolean", "use the file's material library (on before version 2)", False),
 )
 
