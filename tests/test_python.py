@@ -108,8 +108,8 @@ def test_every_public_function_checks_its_options() -> None:
     [
         ({"spp": 0}, "spp must be in 1 to"),
         ({"spp": "many"}, "spp must be a whole number"),
-        ({"sampler": "halton"}, "no sampler 'halton'; there is sobol, independent"),
-        ({"sampler": "sobl"}, "no sampler 'sobl'; did you mean 'sobol'"),
+        ({"sampler": "halton"}, "unknown sampler 'halton'; choose from sobol, independent"),
+        ({"sampler": "sobl"}, "unknown sampler 'sobl'; did you mean 'sobol'"),
         ({"integrator": "pth"}, "did you mean 'path'"),
         ({"size": 3}, "size must be 2 whole numbers"),
     ],
@@ -330,7 +330,7 @@ def test_pictures_that_cannot_be(call: Callable[[image.Image], object], message:
 def test_formats_that_the_installed_library_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lajolla.picture_formats, "_offered", lambda: {".exr", ".png"})
     with pytest.raises(
-        lajolla.ImageError, match=r"OpenImageIO writes no \.webp files; there is \.exr, \.png, \.npy"
+        lajolla.ImageError, match=r"OpenImageIO cannot write \.webp files; choose from \.exr, \.png, \.npy"
     ):
         image.Image(RAMP).save("a.webp")
 

@@ -234,8 +234,8 @@ def test_openvdb_boxes(openvdb: Path, grid: str, low: tuple[float, ...], high: t
     [
         ("smoke", 'no grid "smoke", only bool, color, density, '),
         ("empty", "no active voxels"),
-        ("bool", 'its grid is a "Tree_bool_5_4_3"; trees of float, '),
-        ("frustum", 'its transform is a "NonlinearFrustumMap"; linear ones can be read'),
+        ("bool", 'its grid is a "Tree_bool_5_4_3"; supported are trees of float, '),
+        ("frustum", 'its transform is a "NonlinearFrustumMap"; only linear ones are supported'),
     ],
 )
 def test_openvdb_grids_that_are_no_volumes(openvdb: Path, grid: str, message: str) -> None:

@@ -84,8 +84,7 @@ RTCRay to_embree(const Ray<float> &ray) {
     return r;
 }
 
-// Shapes without triangles are Embree "user geometry": callbacks that ask the shape itself, or one of its
-// parts.
+// Shapes without triangles are Embree "user geometry", with callbacks to the shape or to one of its parts.
 template <class T>
 concept HasParts = requires(const T &shape) { shape.primitive_count(); };
 
@@ -104,14 +103,14 @@ void set_bounds(const RTCBoundsFunctionArguments *args) {
     *args->bounds_o = {box.low.x, box.low.y, box.low.z, 0, box.high.x, box.high.y, box.high.z, 0};
 }
 
-// All spheres of an Embree scene, as one geometry: as many geometries would take a kilobyte each.
+// All spheres of an Embree scene, as one geometry, because a geometry for each would take a kilobyte.
 struct SphereSet {
     struct Ball {
         Vec3f center;
         float radius;
     };
     std::vector<Ball> balls;
-    std::vector<std::uint32_t> ids; // by which hits name them
+    std::vector<std::uint32_t> ids; // shape ids for hits
 
     void add(const Sphere &sphere, std::uint32_t id) {
         balls.push_back({sphere.center, sphere.radius});
@@ -134,7 +133,7 @@ Ray<float> ray_of(RTCRayN *rays, unsigned n, unsigned i) {
             RTCRayN_tfar(rays, n, i)};
 }
 
-// A packet of as many rays as there are lanes has them side by side.
+// A packet with as many rays as there are lanes stores them as arrays.
 Ray<WideFloat> rays_of(RTCRayN *rays) {
     const auto n = static_cast<unsigned>(lanes);
     return {{load(&RTCRayN_org_x(rays, n, 0)), load(&RTCRayN_org_y(rays, n, 0)),
@@ -145,7 +144,7 @@ Ray<WideFloat> rays_of(RTCRayN *rays) {
             load(&RTCRayN_tfar(rays, n, 0))};
 }
 
-// Calls f(ray, distance) for those of the valid rays that meet a primitive; in lanes where it has them.
+// Calls f(ray, distance) for each valid ray that hits a primitive; in lanes if the primitive supports them.
 template <class T>
 void for_each_meeting(const void *data, RTCRayN *rays, const int *valid, unsigned n, std::uint32_t primitive,
                       auto &&f) {
@@ -162,7 +161,7 @@ void for_each_meeting(const void *data, RTCRayN *rays, const int *valid, unsigne
     }
 }
 
-// Embree asks for one ray or for those of a packet that are valid.
+// Embree's callback for one ray, or for the valid rays of a packet.
 template <class T>
 void intersect_user(const RTCIntersectFunctionNArguments *args) {
     RTCRayN *rays = RTCRayHitN_RayN(args->rayhit, args->N);
@@ -193,7 +192,7 @@ RTCGeometry make_geometry(RTCDevice device, const T &shape) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
     if constexpr (HasParts<T>) rtcSetGeometryUserPrimitiveCount(geometry, shape.primitive_count());
     else rtcSetGeometryUserPrimitiveCount(geometry, 1);
-    rtcSetGeometryUserData(geometry, const_cast<T *>(&shape)); // only ever read
+    rtcSetGeometryUserData(geometry, const_cast<T *>(&shape)); // never modified
     rtcSetGeometryBoundsFunction(geometry, set_bounds<T>, nullptr);
     rtcSetGeometryIntersectFunction(geometry, intersect_user<T>);
     rtcSetGeometryOccludedFunction(geometry, occluded_user<T>);
@@ -202,8 +201,8 @@ RTCGeometry make_geometry(RTCDevice device, const T &shape) {
 
 RTCGeometry make_geometry(RTCDevice device, const TriangleMesh &shape) {
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-    // The arrays are shared with Embree, which reads 16 bytes at each position: a RoomyVector has them behind
-    // the last, too.
+    // The arrays are shared with Embree, which reads 16 bytes at each position: a RoomyVector is padded
+    // accordingly.
     const Mesh &mesh = *shape.mesh;
     rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, mesh.positions.data(),
                                0, sizeof(Vec3f), mesh.positions.size());
@@ -212,9 +211,8 @@ RTCGeometry make_geometry(RTCDevice device, const TriangleMesh &shape) {
     return geometry;
 }
 
-// Spatial splits, which are what high quality means, make rays faster among few large triangles (8 % in a
-// hall of 66 000). Among many small ones they do not (in rooms of 200 000 to 400 000 rays are up to 14 %
-// slower), and the build takes two to three times as long.
+// Spatial splits, which high quality enables, make rays 8 % faster in a hall of 66 000 triangles, but up to
+// 14 % slower in rooms of 200 000 to 400 000, and the build takes two to three times as long.
 RTCBuildQuality build_quality(std::span<const Shape> shapes) {
     std::size_t triangles = 0;
     for (const Shape &shape : shapes)
@@ -222,8 +220,8 @@ RTCBuildQuality build_quality(std::span<const Shape> shapes) {
     return triangles < 100'000 ? RTC_BUILD_QUALITY_HIGH : RTC_BUILD_QUALITY_MEDIUM;
 }
 
-// Curves are hit from outside only, whatever Embree was built for: light that enters a hair leaves it within
-// the same scattering event.
+// Curves are hit from outside only, in every build of Embree: light that enters a hair leaves it in the same
+// scattering event.
 void cull_inside(const RTCFilterFunctionNArguments *args) {
     for (unsigned i = 0; i < args->N; ++i) {
         const Vec3f direction = ray_of(args->ray, args->N, i).direction;
@@ -281,11 +279,11 @@ struct Accel::Embree {
     RTCDevice device;
     RTCScene scene;
     std::vector<RTCScene> groups;
-    std::deque<SphereSet> spheres; // which do not move
+    std::deque<SphereSet> spheres; // a deque, because Embree keeps their addresses
 
     Embree() : device(rtcNewDevice(nullptr)), scene(device ? rtcNewScene(device) : nullptr) {
         if (scene) return;
-        refuse_lack_of_memory(rtcGetDeviceError(device)); // of this thread where there is no device
+        refuse_lack_of_memory(rtcGetDeviceError(device)); // of this thread if there is no device
         throw std::runtime_error("Embree could not start");
     }
     Embree(const Embree &) = delete;
@@ -301,7 +299,7 @@ struct Accel::Embree {
         rtcAttachGeometryByID(to, geometry, id);
         rtcReleaseGeometry(geometry);
     }
-    // Shapes of one scene, of which hits name the i-th by i as its geometry. Spheres are the geometry `last`.
+    // Shapes of one scene: the i-th has the geometry id i. All spheres have the geometry id `last`.
     void attach_all(RTCScene to, std::span<const Shape *const> shapes, std::uint32_t last) {
         SphereSet &set = spheres.emplace_back();
         for (std::uint32_t i = 0; i < shapes.size(); ++i) {
@@ -339,7 +337,7 @@ Accel::Accel(std::span<const Shape> shapes, std::span<const Group> groups,
     }
     rtcSetSceneBuildQuality(embree->scene, quality);
     loose_spheres_ = few_spheres(shapes, is_member);
-    std::vector<const Shape *> seen(shapes.size()); // null where it is not in the scene itself
+    std::vector<const Shape *> seen(shapes.size()); // null for shapes in groups, loose spheres
     for (std::uint32_t id = 0; id < shape_count_; ++id) {
         has_curves_ |= std::holds_alternative<Curves>(shapes[id]);
         if (!is_member[id] && !(std::holds_alternative<Sphere>(shapes[id]) && !loose_spheres_.empty()))
@@ -348,7 +346,8 @@ Accel::Accel(std::span<const Shape> shapes, std::span<const Group> groups,
     embree->attach_all(embree->scene, seen, shape_count_ + static_cast<std::uint32_t>(instances.size()));
     limit_ = largest_coordinate;
     for (const Instance &instance : instances) {
-        for (std::size_t axis = 0; axis < 3; ++axis) // an instance's translation is small beside the limit
+        for (std::size_t axis = 0; axis < 3;
+             ++axis) // an instance's translation is small compared with the limit
             limit_ = std::min(limit_,
                               0.5f * largest_coordinate / max_component(abs(instance.to_group.axis(axis))));
         embree->attach(embree->scene, instance,

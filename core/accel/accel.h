@@ -1,5 +1,5 @@
 #pragma once
-// Ray queries. accel.cpp is the only file that knows Embree.
+// Ray queries. accel.cpp is the only file that uses Embree.
 
 #include <bit>
 #include <cstdint>
@@ -14,25 +14,24 @@
 
 namespace lajolla {
 
-// A spatial index over shapes; shape ids are positions in the span, which must outlive it. Shapes that are
-// members of a group are there where instances place them, and nowhere else.
+// A spatial index over shapes; shape ids are positions in the span, which must outlive it. Shapes in groups
+// exist only through instances.
 class Accel {
 public:
     explicit Accel(std::span<const Shape> shapes, std::span<const Group> groups = {},
                    std::span<const Instance> instances = {});
 
-    // Rays with NaN or absurdly large numbers, which a broken texture can cause, hit nothing and see nothing.
+    // Rays with NaN or extremely large numbers, which a broken texture can cause, have no hits.
     std::optional<RayHit> closest(const Ray<float> &ray) const;
     bool occluded(const Ray<float> &ray) const;
-    // The same of the rays where `active`, with the same answers: Embree gives single rays and packets the
-    // same bits.
+    // The same for the `active` rays, with the same bits: Embree's results do not depend on packets.
     RayHits closest(const Ray<WideFloat> &rays, WideBool active) const;
     WideBool occluded(const Ray<WideFloat> &rays, WideBool active) const;
 
 private:
     RayHit in_instance(RayHit found, std::uint32_t geometry) const;
-    // Spheres cost Embree a tree of its own and a call for each that a ray comes near; a few of them are
-    // tested for all lanes at once instead.
+    // Embree would need a second tree for spheres, and a callback for each test; a few spheres are
+    // intersected in lanes instead.
     static constexpr std::size_t most_loose_spheres = 8;
     struct LooseSphere {
         const Sphere *sphere;
@@ -43,8 +42,8 @@ private:
 
     struct Embree;
     std::shared_ptr<const Embree> embree_;
-    float limit_ = 0;               // of rays' coordinates
-    std::uint32_t shape_count_ = 0; // instances are the geometries from here on
+    float limit_ = 0;               // largest coordinate of a ray
+    std::uint32_t shape_count_ = 0; // geometries from here on are instances
     std::vector<Group> groups_;
     std::vector<std::uint32_t> group_of_instance_;
     std::vector<LooseSphere> loose_spheres_;
@@ -52,13 +51,13 @@ private:
     void *scene_ = nullptr; // embree_'s scene, one indirection closer
 };
 
-// One query, as the replay of bench/limit asks it again.
+// One query, recorded for the replay of bench/limit.
 struct RecordedRay {
     Ray<float> ray;
     bool occlusion;
 };
 
-// One thread's view of the scene's geometry: counts rays, and records them where asked to.
+// Ray queries of one thread: counts rays, and optionally records them.
 class Tracer {
 public:
     explicit Tracer(const Accel &accel, std::vector<RecordedRay> *record = nullptr)

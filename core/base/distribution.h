@@ -17,10 +17,10 @@ struct DistributionSample {
     Float rest; // u stretched back to [0,1) within the entry: one number serves twice
 };
 
-// What is tabulated of one distribution or of several, one behind the other, so that lanes can each look into
-// another one. A distribution of n entries takes n + 1 numbers of both arrays.
+// The tables of one or more distributions, one after the other, so that each lane can use another one. A
+// distribution of n entries takes n + 1 numbers of both arrays.
 struct CumulativeSums {
-    std::vector<float> cdf;          // of every entry the probability of all before it, and a last 1
+    std::vector<float> cdf;          // for each entry the probability of all before it; the last one is 1
     std::vector<std::int32_t> guide; // guide[k] is the entry at u = k / n
 
     // Appends a distribution that is proportional to non-negative weights, and returns their sum.

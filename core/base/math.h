@@ -20,7 +20,7 @@ inline constexpr float one_minus_ulp = 0x1.fffffep-1f;
 
 // --- what the processor computes
 
-// Of a number and a NaN, min and max give the first operand, as std::min and std::max do.
+// If an operand is NaN, min and max return the first operand, like std::min and std::max.
 constexpr float min(float a, float b) { return b < a ? b : a; }
 constexpr float max(float a, float b) { return a < b ? b : a; }
 inline float sqrt(float x) { return std::sqrt(x); }

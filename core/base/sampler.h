@@ -15,8 +15,7 @@ namespace lajolla {
 
 namespace detail {
 
-// Vectors of the processor; those of eight hold the numbers of one block, those of `lanes` one number of
-// several paths.
+// SIMD vectors: eight lanes hold the numbers of one block, `lanes` lanes one number of several paths.
 using U32x8 [[gnu::vector_size(32)]] = std::uint32_t;
 using I32x8 [[gnu::vector_size(32)]] = std::int32_t;
 using F32x8 [[gnu::vector_size(32)]] = float;

@@ -58,7 +58,7 @@ inline std::optional<Transform> inverse(const Transform &t) {
     return result;
 }
 
-// The largest coordinate that is added up where a transform meets a point: rounding errors are in its ulps.
+// The largest term of the sums in transforming a point; rounding errors are measured in its ulps.
 inline float largest_term(const Transform &t, Vec3f p) {
     return max_component(abs(t.axis(0)) * std::abs(p.x) + abs(t.axis(1)) * std::abs(p.y) +
                          abs(t.axis(2)) * std::abs(p.z) + abs(t.origin()));

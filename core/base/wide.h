@@ -1,11 +1,11 @@
 #pragma once
-// Numbers that are computed several at a time, one in each lane of the processor's vector registers.
+// SIMD numbers: one in each lane of a vector register.
 //
 // Light transport is written once, as templates over the number type: `Float` is float, or WideFloat, which
-// holds `lanes` of them. BoolOf<Float> and IntOf<Float> go with it. Code for both has no branches on values
-// of its lanes: select(condition, a, b) takes the place of `condition ? a : b`, and early returns become
-// masks. Every operation is done lane by lane exactly as it is on floats, so that both give the same bits
-// (the build forbids the compiler to contract a * b + c, which it might do in one and not in the other).
+// holds `lanes` of them. BoolOf<Float> and IntOf<Float> are the matching types. Code for both does not branch
+// on values of lanes: select(condition, a, b) replaces `condition ? a : b`, and masks replace early returns.
+// Every operation rounds as on floats, so that both give the same bits (-ffp-contract=off, because compilers
+// could contract a * b + c in one and not in the other).
 
 #include <bit>
 #include <cmath>
@@ -183,7 +183,7 @@ inline float as_float(std::int32_t x) { return std::bit_cast<float>(x); }
 inline WideInt as_int(WideFloat x) { return WideInt(std::bit_cast<WideInt::Raw>(x.v)); }
 inline WideFloat as_float(WideInt x) { return WideFloat(std::bit_cast<WideFloat::Raw>(x.v)); }
 
-// Towards zero; of what no integer can hold the result means nothing.
+// Rounds towards zero; undefined if the result is not representable.
 inline std::int32_t to_int(float x) {
 #if defined(__SSE2__)
     return _mm_cvttss_si32(_mm_set_ss(x));

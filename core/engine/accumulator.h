@@ -1,5 +1,5 @@
 #pragma once
-// A render that goes on: samples are added to running sums, from which a picture can be taken at any time.
+// A progressive render: adds samples to running sums, from which a picture can be computed at any time.
 
 #include <cstdint>
 #include <memory>
@@ -15,7 +15,7 @@ struct Progress;
 
 class Accumulator {
 public:
-    // The scene has to stay; the seed is the one it asks for if none is given.
+    // The scene must outlive this. Default of the seed: that of the scene.
     explicit Accumulator(const RenderableScene &scene, std::optional<std::uint32_t> seed = std::nullopt);
     ~Accumulator();
 

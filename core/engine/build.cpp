@@ -58,7 +58,7 @@ void check_textures(const Variant &variant, std::size_t count, const std::string
     });
 }
 
-// Materials and adapters hold BSDFs, and adapters that were read before.
+// Materials and adapters refer to BSDFs, and to adapters that were read before.
 void check_material(MaterialId id, const SceneParts &parts, const std::string &where) {
     const auto known = [](std::int32_t index, std::size_t count) {
         return index >= -1 && index < static_cast<std::int64_t>(count);

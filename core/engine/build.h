@@ -15,7 +15,7 @@ std::shared_ptr<RenderableScene> build_scene(const Dict &description);
 // Every model and its fields: {kind: {name: {"doc", "fields": [{"name", "type", "default", ...}, ...]}}}.
 Dict schema();
 
-// Whether light passes through a surface with the BSDF of a description, or with any where it holds columns.
+// Whether a BSDF of a description is transmissive; with columns, whether any of them is.
 bool transmissive(const Dict &bsdf);
 
 // Counts of what is in a scene, and its size in bytes.

@@ -1,9 +1,9 @@
 #pragma once
-// Between descriptions and models: everything here follows from a model's fields(). schema_of() tells what a
-// model takes, read_model() and variant_from() build one from a dict and say what is wrong with it.
+// Converts between descriptions and models by their fields(). schema_of() lists a model's fields;
+// read_model() and variant_from() build a model from a dict, and report errors.
 //
-// A type that appears in fields() is known through one trait, Described<T>; meshes, images and the like are
-// added by specialising it (described.h).
+// Described<T> describes a type that appears in fields(); it is specialised for meshes, images and so on in
+// described.h.
 
 #include <algorithm>
 #include <array>
@@ -123,7 +123,7 @@ struct Described<Transform> {
     static Value write(const Transform &value);
 };
 
-// The index in {kind: index}, which stands for a texture or a volume of the scene.
+// The index in {kind: index}, a reference to a texture or a volume of the scene.
 std::optional<std::int32_t> read_handle(const Value &source, std::string_view kind);
 
 // A handle that is a constant or {kind: index}.
@@ -188,8 +188,8 @@ constexpr bool within(const T &handle, double low, double high) {
     return !handle.is_constant() || within(handle.constant, low, high);
 }
 
-// What a type does, so that tables of fields are data and the code is compiled once for each type, not for
-// each field of each model.
+// The functions of a type, so that tables of fields are data, and code is compiled once per type instead of
+// per field.
 struct FieldType {
     const char *type, *expected;
     std::span<const char *const> choices;
@@ -316,7 +316,7 @@ Variant variant_from(const Dict &description, const std::string &where,
 // The list under a key of a description; null where there is none.
 const List *find_list(const Dict &description, const char *key);
 
-// How many entries an entry of a list stands for, as it may hold columns (value.h).
+// The number of entries that an entry of a list represents: several if it contains columns (value.h).
 std::size_t entries_in(const Value &entry, const std::string &where);
 
 // Calls f(dict, where) for the entries of the list under a key of the description, if it is there.
@@ -337,7 +337,7 @@ void for_each_entry(const Dict &description, const char *key, F &&f) {
     }
 }
 
-// What read(dict, where) makes of the entries.
+// The results of read(dict, where) for all entries.
 template <class Read>
 auto read_list(const Dict &description, const char *key, Read &&read) {
     std::vector<std::decay_t<decltype(read(Dict(), std::string()))>> result;

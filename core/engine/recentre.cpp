@@ -11,7 +11,7 @@ namespace {
 
 using Matrix = std::array<std::array<double, 4>, 4>;
 
-// A number as descriptions hold it; none where it is something else, which reading it refuses.
+// A number in a description; nullopt for other values, which are rejected when they are read.
 std::optional<double> number_of(const Value &value) {
     if (const auto *number = value.get_if<double>()) return *number;
     if (const auto *integer = value.get_if<std::int64_t>()) return static_cast<double>(*integer);
@@ -53,19 +53,18 @@ Dict with(const Dict &entry, const Dict &changed) {
     return result;
 }
 
-// A point that an entry holds, the origin where it holds none.
+// A point of an entry; the origin if it is not given.
 Point point_at(const Dict &entry, const char *key) {
     Point point{};
     if (const Value *const given = entry.find(key)) read_point(*given, point);
     return point;
 }
 
-// An entry with a transform, and perhaps with points that are placed by it, the first of which becomes the
-// origin.
+// Moves an entry with a transform. If the transform places `points`, the first of them becomes the origin.
 Dict placed(const Dict &entry, const Point &centre, std::initializer_list<const char *> points = {}) {
     Matrix m{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}};
     const Value *const given = entry.find("to_world");
-    if (given && !read_matrix(*given, m)) return entry; // it will be refused
+    if (given && !read_matrix(*given, m)) return entry; // it will be rejected
     const Point anchor = points.size() ? point_at(entry, *points.begin()) : Point{};
     for (std::size_t row = 0; row < 3; ++row)
         m[row][3] += m[row][0] * anchor[0] + m[row][1] * anchor[1] + m[row][2] * anchor[2] - centre[row];
@@ -87,7 +86,7 @@ Dict moved_shape(const Dict &entry, const Point &centre) {
     return placed(entry, centre);
 }
 
-// Of lights around the scene there is nothing to move, and area lights are where their shapes are.
+// Lights at infinity do not move, and area lights move with their shapes.
 Dict moved_light(const Dict &entry, const Point &centre) {
     std::string type;
     if (const Value *const given = entry.find("type")) Described<std::string>::read(*given, type);
@@ -100,7 +99,7 @@ Dict moved_sensor(const Dict &entry, const Point &centre) {
     return entry.contains("target") ? moved_point(result, "target", centre) : result;
 }
 
-// What move(entry, index) makes of the entries of a list.
+// The entries of a list, each replaced by move(entry, index).
 Value moved_all(const Value &list, auto &&move) {
     const List *const entries = list.get_if<List>();
     if (!entries) return list;
@@ -115,7 +114,7 @@ Value moved_all(const Value &list, auto &&move) {
     return result;
 }
 
-// Whether shapes are parts of groups, whose instances are moved instead.
+// For each shape, whether it is in a group, whose instances are moved instead.
 std::vector<bool> members(const Dict &description) {
     std::vector<bool> result;
     for_each_entry(description, "groups", [&](const Dict &group, const std::string &) {

@@ -1,5 +1,5 @@
 #pragma once
-// What a description says: the scene, and how it wants to be rendered.
+// The content of a description: the scene, and its render settings.
 
 #include <cstdint>
 #include <memory>

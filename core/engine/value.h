@@ -1,6 +1,6 @@
 #pragma once
-// What descriptions are made of: plain values, lists and dicts of them, and objects that are handed on as
-// they are, such as meshes.
+// The values of descriptions: plain values, lists and dicts of them, and objects that are passed on
+// unchanged, such as meshes.
 
 #include <concepts>
 #include <cstdint>
@@ -93,8 +93,8 @@ inline void Dict::add(std::string key, Value value) {
 inline std::size_t Dict::size() const { return entries_.size(); }
 inline void Dict::reserve(std::size_t size) { entries_.reserve(size); }
 
-// Numbers of several entries of a list. An entry that holds columns stands for as many entries as they have
-// rows; each takes its row in place of the column, and shares the rest.
+// Numbers of several entries of a list. An entry with columns of n rows represents n entries: the i-th has
+// the i-th row of each column, and shares all other values.
 struct EntryColumn {
     std::vector<double> numbers; // row by row
     std::size_t rows = 0;
@@ -104,7 +104,7 @@ struct EntryColumn {
     Value row(std::size_t index) const;
 };
 
-// How many entries one stands for; nothing where it holds no columns.
+// The number of entries that an entry with columns represents; nullopt without columns.
 std::optional<std::size_t> row_count(const Dict &entry); // throws std::invalid_argument for uneven columns
 Dict row_of(const Dict &entry, std::size_t index);
 

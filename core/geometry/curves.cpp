@@ -15,7 +15,7 @@ Vec3f unit(Vec3f v, Vec3f otherwise) {
     return l > 0 ? v / l : otherwise;
 }
 
-// Directions around a tube that do not spin along it: as near to z as they can be, and across.
+// Two directions across a tube that do not rotate along it: one as close to z as possible, and one across.
 struct Around {
     Vec3f up, across;
 };
@@ -24,7 +24,7 @@ Around around(Vec3f tangent) {
     return {up, cross(up, tangent)};
 }
 
-// How the direction cos(angle) across + sin(angle) up turns where the tangent does.
+// The derivative of the direction cos(angle) across + sin(angle) up along the curve.
 Vec3f turning(Vec3f tangent, Vec3f tangent_change, const Around &frame, float cos_angle, float sin_angle) {
     const Vec3f z{0, 0, 1};
     const float l = length(z - tangent * tangent.z);
@@ -99,22 +99,21 @@ Curves::Spine Curves::spine(std::uint32_t segment, float v) const {
 
 void Curves::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const {
     // Embree returns the position on the segment of the circle that was hit.
-    const float v =
-        found.b1 > 0 ? std::min(found.b1, 1.0f) : 0; // a number even where a point is all there is
+    const float v = found.b1 > 0 ? std::min(found.b1, 1.0f) : 0; // a number even for a segment of length zero
     const Spine s = spine(found.primitive, v);
     const Vec3f met = ray.origin + ray.direction * found.distance;
     const float speed = length(s.tangent);
     Vec3f radial = met - s.center;
     const Vec3f tangent = speed > 0 ? s.tangent / speed : frame_around(unit(radial, {0, 0, 1})).s;
     if (basis == CurveBasis::bspline)
-        radial -= tangent * dot(tangent, radial); // circles lie across the curve
+        radial -= tangent * dot(tangent, radial); // circles are perpendicular to the curve
     radial = unit(radial, around(tangent).across);
     hit.position = s.center + radial * s.radius;
     const Vec3f extent = abs(s.center) + Vec3f(s.radius);
     hit.position_error = position_error(max_component(extent)) + s.radius * 1e-3f;
 
-    // c + r(v) e(u, v): the normal is across both derivatives. Cones between spheres are met at the circle
-    // where a sphere around c touches them, so that e is the normal.
+    // The surface is c + r(v) e(u, v); its normal is perpendicular to both derivatives. Cones between spheres
+    // are hit at the circle where a sphere around c touches them, so that e is the normal.
     const float straight = speed * speed - dot(radial, s.second) * s.radius;
     const Vec3f across = basis == CurveBasis::linear ? radial : radial * straight - s.tangent * s.growth;
     hit.normal = unit(across, radial);
@@ -130,7 +129,7 @@ void Curves::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, 
     const Vec3f turned = turning(tangent, tangent_change, frame, cos(angle), sin(angle));
     hit.dp_dv = (s.tangent + radial * s.growth + turned * s.radius) * count;
 
-    // Around the tube, and along it where it is curved; the ends of cones are spheres.
+    // The curvature around the tube, and along it if it is curved; the ends of cones are spheres.
     const bool at_end = basis == CurveBasis::linear && (v == 0 || v == 1);
     const float along = at_end ? 1 / s.radius : straight > 0 ? -dot(radial, s.second) / straight : 0;
     hit.mean_curvature = s.radius > 0 ? 0.5f * (1 / s.radius + along) : 0;

@@ -16,7 +16,7 @@
 
 namespace lajolla {
 
-// Control points and segments as Embree takes them.
+// Control points and segments in Embree's format.
 struct CurveSet {
     std::vector<std::array<float, 4>> points; // x, y, z, radius
     std::vector<std::uint32_t> segments;      // first control point of each
@@ -41,15 +41,15 @@ struct Curves : NeverLight {
         return std::tuple(
             field("curves", &Curves::curves, "control points and segments"),
             field("basis", &Curves::basis, "cones between spheres, or uniform cubic B-splines"),
-            field("to_world", &Curves::to_world, "placement in the scene; radii stay as they are"));
+            field("to_world", &Curves::to_world, "placement in the scene; radii are not scaled"));
     }
     void build();
     Bounds bounds() const;
-    float longest_segment() const; // between its control points, with the radius
+    float longest_segment() const; // distance of its control points, plus radius
     void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
 
 private:
-    // The middle of a tube, its radius, and their derivatives along a segment.
+    // The centre of a tube, its radius, and their derivatives along a segment.
     struct Spine {
         Vec3f center, tangent, second; // c, c', c''
         float radius, growth;          // r, r'

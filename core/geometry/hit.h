@@ -1,5 +1,5 @@
 #pragma once
-// Rays, and what is known of the point that a ray hits.
+// Rays, and the points that they hit.
 
 #include <cstdint>
 
@@ -9,23 +9,23 @@ namespace lajolla {
 
 template <class Float>
 struct Ray {
-    Vec3<Float> origin, direction; // directions are of unit length but for shadow segments
+    Vec3<Float> origin, direction; // directions have unit length, except for shadow rays
     Float near = 0, far = infinity;
 };
 
-// What the ray tracer finds: enough to compute everything else.
+// The result of a ray query, from which a Hit is computed.
 struct RayHit {
     static constexpr std::uint32_t no_instance = ~0u;
     float distance;
     float b1, b2; // barycentrics of triangles
     std::uint32_t shape, primitive;
-    std::uint32_t instance = no_instance; // through which the shape is seen
+    std::uint32_t instance = no_instance; // the instance of the shape that was hit
 };
 
-// The same of several rays; -1 in `shape` where a ray meets nothing.
+// The same for several rays; `shape` is -1 for rays without a hit.
 struct RayHits {
     WideFloat distance, b1, b2;
-    WideInt shape, primitive, instance; // instance is no_instance, which is -1, where there is none
+    WideInt shape, primitive, instance; // instance is no_instance = -1 if there is none
 
     RayHit operator[](int k) const {
         return {distance[k],
@@ -53,8 +53,8 @@ struct RayCone {
 
     RayCone at(Float distance) const { return {abs(radius + spread * distance), spread}; }
 
-    // After a bounce off, or through, a surface of this curvature; width and eta as in BsdfSample. A rough
-    // surface opens the cone to about a fifth of a radian.
+    // The cone after reflection or refraction by a surface of this curvature; width and eta as in BsdfSample.
+    // A diffuse surface widens the cone to about 0.2 radians.
     RayCone scattered(Float mean_curvature, Float width, Float eta) const {
         const Float turned = 2 * mean_curvature * radius;
         const Float mirror =
@@ -67,14 +67,13 @@ struct RayCone {
 template <class Float>
 struct Hit {
     Vec3<Float> position;
-    Vec3<Float> normal; // geometric, on the side that the shape's orientation calls front
+    Vec3<Float> normal; // geometric, on the front side of the shape's orientation
     Vec3<Float> shading_normal;
     Vec3<Float> dp_du, dp_dv;
     Vec2<Float> barycentric, uv;
     Float distance;       // along the ray that found it
-    Float position_error; // how far the true surface may be from `position`
-    Float
-        mean_curvature; // of the shading normals' surface; positive where it bulges towards the normal's side
+    Float position_error; // maximum distance of the true surface from `position`
+    Float mean_curvature; // from shading normals; positive if convex towards the normal's side
     RayCone<Float> footprint;
     IntOf<Float> shape, primitive;
     IntOf<Float> material, emitter;  // -1 for none
@@ -87,9 +86,8 @@ struct Hit {
     }
 };
 
-// Two conjugate radii of the ellipse in texture space that a hit's footprint covers, seen from `wo`: the
-// cone's section, and the same stretched along the plane of incidence (Akenine-Möller et al. 2021, section
-// 5).
+// Two conjugate radii, in texture space, of the ellipse that a hit's footprint covers, seen from `wo`: the
+// radius across the plane of incidence, and the longer one along it (Akenine-Möller et al. 2021, section 5).
 template <class Float>
 struct UvEllipse {
     Vec2<Float> across, along;
@@ -109,13 +107,13 @@ UvEllipse<Float> uv_ellipse(const Hit<Float> &hit, const Vec3<Float> &wo) {
         const Vec2<Float> result = Vec2<Float>{vv * u - uv * v, uu * v - uv * u} * (radius / determinant);
         return select(determinant > 0.0f, result, Vec2<Float>());
     };
-    constexpr float longest = 1e3f; // of the stretch: no filter follows it beyond
+    constexpr float longest = 1e3f; // of the stretch: no filter uses more
     const Float radius = hit.footprint.radius;
     return {to_uv(across, radius), to_uv(along, radius / max(abs(cosine), Float(1 / longest)))};
 }
 
-// Where a ray that leaves a hit must start so that it does not find the same surface again: beyond the error
-// of the position, measured in ulps of its coordinates, on the side to which the ray goes.
+// The start of a ray that leaves a hit, so that it does not hit the same surface again: offset by the error
+// of the position, measured in ulps of its coordinates, to the side to which the ray goes.
 template <class Float>
 Vec3<Float> leave(const Hit<Float> &hit, const Vec3<Float> &direction) {
     return hit.position + hit.normal * copysign(hit.position_error, dot(hit.normal, direction));
@@ -156,7 +154,8 @@ inline Hit<float> lane_of(const Hit<WideFloat> &hits, int k) {
             hits.exterior[k]};
 }
 
-// Writes what a hit knows of its place into one lane; the ray tracer's part of it is there already.
+// Writes the fields of a hit that describe its position into one lane; those of the ray query are set
+// already.
 inline void set_lane(Vec3<WideFloat> &v, int k, const Vec3f &value) {
     v.x.v[k] = value.x, v.y.v[k] = value.y, v.z.v[k] = value.z;
 }

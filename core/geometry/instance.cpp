@@ -31,7 +31,7 @@ void Instance::place(Hit<float> &hit) const {
     const Frame<float> tangents = frame_around(hit.normal);
     const Vec3f position = to_world.point(hit.position);
 
-    // Errors made in the group, by the ray's way there and by the way back, along the normal.
+    // Errors along the normal: in the group, and of the transforms to the group and back.
     const float error_in_group = hit.position_error + position_error(largest_term(to_group, position));
     hit.position_error = error_in_group / stretch + position_error(largest_term(to_world, hit.position));
     hit.position = position;
@@ -40,8 +40,8 @@ void Instance::place(Hit<float> &hit) const {
     hit.dp_du = to_world.vector(hit.dp_du);
     hit.dp_dv = to_world.vector(hit.dp_dv);
 
-    // Half the trace of the second fundamental form in the metric of the stretched tangents. The form itself
-    // is taken to be alike in all directions, as on spheres; only its trace is known here.
+    // Half the trace of the second fundamental form in the metric of the transformed tangents. Only its trace
+    // is known, so the form is assumed to be isotropic, as on spheres.
     const Vec3f s = to_world.vector(tangents.s), t = to_world.vector(tangents.t);
     hit.mean_curvature *=
         (length_squared(s) + length_squared(t)) / (2 * stretch * length_squared(cross(s, t)));

@@ -1,5 +1,5 @@
 #pragma once
-// Groups of shapes that are seen only through instances: many placed copies of one geometry.
+// Groups of shapes that are visible only through instances, their transformed copies.
 
 #include <cstdint>
 #include <tuple>
@@ -28,12 +28,12 @@ struct Instance {
     }
     static constexpr float largest_entry = 1e12f; // of the transforms: rays in groups must stay finite
     void build();
-    // The same points at the same distances: the direction is not of unit length.
+    // A ray in the group's space; distances stay the same, so its direction does not have unit length.
     Ray<float> in_group(const Ray<float> &ray) const {
         return {to_group.point(ray.origin), to_group.vector(ray.direction), ray.near, ray.far};
     }
     Bounds placed(const Bounds &group_bounds) const;
-    // A hit on the group becomes one in the scene.
+    // Transforms a hit from the group's space to world space.
     void place(Hit<float> &hit) const;
 };
 

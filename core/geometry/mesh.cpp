@@ -11,7 +11,7 @@ namespace lajolla {
 
 namespace {
 
-// Faces that share a position share its normals, whatever their vertices' other attributes.
+// Faces that share a position share its normals, even if other attributes of their vertices differ.
 struct PositionHash {
     std::size_t operator()(Vec3f p) const {
         std::size_t hash = 0;
@@ -33,7 +33,7 @@ struct Corner {
 
 // Of a triangle at its first corner.
 struct CornerShape {
-    Vec3f normal; // zero where there is no area
+    Vec3f normal; // zero if the area is zero
     float angle;
 };
 CornerShape corner_shape(Vec3f edge1, Vec3f edge2) {
@@ -48,7 +48,7 @@ Vec3f unit_or_zero(Vec3f v) {
     return l > 0 && std::isfinite(l) ? v / l : Vec3f(0);
 }
 
-// The attributes of the vertices, and of the faces, that became those of `target`; no faces: all stayed.
+// Copies attributes of the vertices and faces that `target` consists of; no faces: all of them.
 void copy_attributes(const Mesh &mesh, const std::vector<std::uint32_t> &vertices,
                      const std::vector<std::uint32_t> &faces, Mesh &target) {
     for (const auto &[name, attribute] : mesh.attributes) {

@@ -30,21 +30,21 @@ struct Mesh {
     std::size_t bytes() const;
 };
 
-// Throws std::invalid_argument where an array's length or an index does not fit, or a position is not finite.
+// Throws std::invalid_argument for an array of the wrong length, an invalid index or a non-finite position.
 void validate(const Mesh &mesh);
 
 Mesh transformed(const Mesh &mesh, const Transform &to_world);
 
-// Normals for the vertices of a mesh that has none: those of the faces around, weighted by the angle at the
-// corner, as they are after `to_world`; a later `transformed` with it gives them back.
+// Vertex normals for a mesh that has none: the mean of adjacent face normals, weighted by the angle at the
+// corner, computed after `to_world`. A later `transformed` with it yields these normals.
 Mesh with_vertex_normals(const Mesh &mesh, const Transform &to_world);
 
-// A mesh of some consecutive triangles and the vertices that these use.
+// A mesh of some consecutive triangles and their vertices.
 Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count);
 
 // Vertex normals weighted by the angle at each corner (Thürmer and Wüthrich 1998; compared with others in Max
-// 1999, "Weights for Computing Vertex Normals from Facet Normals"). Faces that meet at a position at more
-// than `max_angle` (radians) keep a hard edge: their vertices are split.
+// 1999, "Weights for Computing Vertex Normals from Facet Normals"). Faces whose normals differ by more than
+// `max_angle` (radians) keep a hard edge: their vertices are split.
 Mesh with_smooth_normals(const Mesh &mesh, float max_angle);
 
 } // namespace lajolla

@@ -30,8 +30,8 @@ Cubic along_ray(const std::array<float, 8> &f, Vec3f origin, Vec3f direction) {
             kxyz * u * v * w};
 }
 
-// The root between ends where the polynomial is monotone and has different signs: secants that keep the root
-// enclosed (the Illinois method), and bisection where these are slow.
+// The root in an interval in which the polynomial is monotone and changes its sign: regula falsi with the
+// Illinois method, and bisection if that is slow.
 double root_between(const Cubic &f, double low, double high) {
     double at_low = f(low), at_high = f(high);
     for (int i = 0; i < 60 && high - low > 1e-9 * (1 + std::abs(high)); ++i) {
@@ -58,7 +58,7 @@ std::optional<double> first_root(const Cubic &f, double length) {
     const double a = 3 * f.c3, b = f.c2, discriminant = b * b - a * f.c1; // a t^2 + 2 b t + c1
     if (discriminant > 0) {
         const double q = -(b + std::copysign(std::sqrt(discriminant), b));
-        const double r0 = q / a, r1 = f.c1 / q; // not finite where there is one turning point or none
+        const double r0 = q / a, r1 = f.c1 / q; // not finite with fewer than two turning points
         const auto turning = [&](double r) { return r > 0 && r < length ? r : length; };
         ends = {0, std::min(turning(r0), turning(r1)), std::max(turning(r0), turning(r1)), length};
     }
@@ -132,7 +132,7 @@ float SdfGrid::intersect(const Ray<float> &ray, std::uint32_t voxel) const {
     const Vec3f low{static_cast<float>(corner[0]), static_cast<float>(corner[1]),
                     static_cast<float>(corner[2])};
     const Vec3f o = world_to_voxels_.point(ray.origin) - low, d = world_to_voxels_.vector(ray.direction);
-    // A little more than the unit cube, so that no ray slips through between two voxels.
+    // Slightly more than the unit cube, so that no ray passes between two voxels.
     constexpr float slack = 1e-4f;
     float from = ray.near, to = ray.far;
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -173,7 +173,7 @@ Vec3f SdfGrid::difference(Vec3f p, Vec3f low) const {
 }
 
 // Section 4 of the paper: the unit normals of the eight voxels around the corner next to p, weighted
-// trilinearly between the voxels' centres. Voxels outside the grid have no part. Units are those of the cube,
+// trilinearly between the voxels' centres. Voxels outside the grid are ignored. Units are those of the cube,
 // as in Mitsuba 3.
 Vec3f SdfGrid::smooth_gradient(Vec3f p) const {
     const Vec3f corner{std::round(p.x), std::round(p.y), std::round(p.z)};
@@ -199,7 +199,7 @@ Vec3f SdfGrid::smooth_gradient(Vec3f p) const {
 }
 
 // Half the divergence of the unit gradient (Goldman 2005, "Curvature formulas for implicit curves and
-// surfaces", equation 4.2), from differences over the voxels around.
+// surfaces", equation 4.2), from differences over the adjacent voxels.
 float SdfGrid::mean_curvature(Vec3f p) const {
     const auto at = [&](std::size_t a, float step_a, std::size_t b, float step_b) {
         Vec3f q = p;
@@ -245,7 +245,7 @@ void SdfGrid::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &,
     const float l = length(scaled_normal);
     hit.normal = l > 0 ? scaled_normal / l : -normalize(ray.direction);
     hit.position = voxels_to_world_.point(p);
-    const float stretch = l > 0 ? l / length(gradient) : 1; // of distances, from the scene to voxels
+    const float stretch = l > 0 ? l / length(gradient) : 1; // of distances: voxel units per world unit
     hit.position_error = position_error(largest_term(world_to_voxels_, hit.position)) / stretch +
                          position_error(largest_term(voxels_to_world_, p));
     const Vec3f smooth = normals == SdfNormals::smooth ? smooth_gradient(p) : Vec3f(0);

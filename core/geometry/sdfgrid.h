@@ -1,5 +1,5 @@
 #pragma once
-// Surfaces where a function on a voxel grid is zero.
+// Zero level sets of functions on voxel grids.
 
 #include <array>
 #include <cstdint>
@@ -42,7 +42,7 @@ struct SdfGrid : NeverLight {
     }
     void fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hit<float> &hit) const;
 
-    // Primitives are the voxels through which the surface may pass.
+    // Primitives are the voxels that may contain the surface.
     std::uint32_t primitive_count() const { return static_cast<std::uint32_t>(voxels_.size()); }
     Bounds bounds(std::uint32_t voxel) const;
     float intersect(const Ray<float> &ray, std::uint32_t voxel) const;

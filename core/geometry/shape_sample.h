@@ -1,5 +1,5 @@
 #pragma once
-// What shapes return about points on them.
+// Sampled points on shapes.
 
 #include <cstdint>
 #include <stdexcept>
@@ -20,7 +20,7 @@ struct BoundingSphere {
     float radius = 1;
 };
 
-// A point chosen on a shape. Primitive and barycentrics are those of a ray that hits the point.
+// A sampled point on a shape. Primitive and barycentrics are those of a ray that hits the point.
 struct SurfaceSample {
     Vec3f position, normal;
     float position_error;
@@ -29,7 +29,7 @@ struct SurfaceSample {
     float b1 = 0, b2 = 0;
 };
 
-// The base of shapes whose area is not known in closed form: they cannot be sampled, hence not be lights.
+// The base of shapes whose area has no closed form: they cannot be sampled, so they cannot be lights.
 struct NeverLight {
     void prepare_sampling() const { throw std::invalid_argument("this shape cannot be a light"); }
     float area() const { return 0; }

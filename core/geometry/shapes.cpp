@@ -241,7 +241,7 @@ float Cylinder::intersect(const Ray<float> &ray) const {
     const Vec3f o = axes.to_local(ray.origin - p0), d = axes.to_local(ray.direction);
     const float a = d.x * d.x + d.y * d.y;
     if (a == 0) return infinity;
-    // as for the sphere, in the plane across the axis
+    // as for the sphere, in the plane perpendicular to the axis
     const float b = -(o.x * d.x + o.y * d.y), x = o.x + d.x * (b / a), y = o.y + d.y * (b / a);
     const float discriminant = radius * radius - (x * x + y * y);
     if (discriminant < 0) return infinity;

@@ -1,8 +1,7 @@
 #pragma once
-// The list of shapes. A shape answers four questions: what encloses it (bounds), what is known at a hit
-// (fill), how points on it are sampled (sample, with its area), and, where it is not made of triangles, at
-// which distance a ray meets it (intersect; infinity where it does not). All work in world space after
-// build().
+// The list of shapes. A shape implements bounds(), fill() (computes a hit), sample() with its area, and, if
+// it does not consist of triangles, intersect() (the distance of a ray's hit; infinity if there is none). All
+// are in world space after build().
 
 #include <memory>
 #include <optional>
@@ -28,7 +27,7 @@ struct TriangleMesh {
     std::shared_ptr<const Mesh> mesh;
     Transform to_world;
     bool face_normals = false, flip_normals = false;
-    // What sampling needs to know of each triangle, where the mesh is a light.
+    // Data of each triangle for sampling, if the mesh is a light.
     struct LightTriangle {
         Vec3f corner, edge1, edge2, normal;
         float position_error;
@@ -43,7 +42,7 @@ struct TriangleMesh {
             field("mesh", &TriangleMesh::mesh, "vertices and triangles"),
             field("to_world", &TriangleMesh::to_world, "placement in the scene"),
             field("face_normals", &TriangleMesh::face_normals, "flat faces: ignore vertex normals"),
-            field("flip_normals", &TriangleMesh::flip_normals, "turn the inside out"));
+            field("flip_normals", &TriangleMesh::flip_normals, "flip the normals"));
     }
     void build();
     void prepare_sampling();
@@ -54,9 +53,9 @@ struct TriangleMesh {
     bool has_normals() const { return !face_normals && !mesh->normals.empty(); }
 };
 
-// The distance at which a ray meets a sphere. The discriminant comes from the distance between centre and
-// ray, which does not cancel for distant or large spheres (Haines et al. 2019, "Precision Improvements for
-// Ray/Sphere Intersection").
+// The distance at which a ray hits a sphere. The discriminant is computed from the distance between centre
+// and ray, which avoids cancellation for distant or large spheres (Haines et al. 2019, "Precision
+// Improvements for Ray/Sphere Intersection").
 template <class Float>
 Float intersect_sphere(const Vec3f &center, float radius, const Ray<Float> &ray) {
     const Vec3<Float> f = ray.origin - Vec3<Float>(center);
@@ -84,7 +83,7 @@ struct Sphere {
         return std::tuple(field("center", &Sphere::center, "before to_world"),
                           field("radius", &Sphere::radius, "before to_world").range(0),
                           field("to_world", &Sphere::to_world, "placement in the scene"),
-                          field("flip_normals", &Sphere::flip_normals, "turn the inside out"));
+                          field("flip_normals", &Sphere::flip_normals, "flip the normals"));
     }
     void build();
     void prepare_sampling() {}
@@ -113,7 +112,7 @@ struct Rectangle {
 
     static constexpr auto fields() {
         return std::tuple(field("to_world", &Rectangle::to_world, "placement in the scene"),
-                          field("flip_normals", &Rectangle::flip_normals, "turn it around"));
+                          field("flip_normals", &Rectangle::flip_normals, "flip the normal"));
     }
     void build();
     void prepare_sampling() {}
@@ -137,7 +136,7 @@ struct Disk {
 
     static constexpr auto fields() {
         return std::tuple(field("to_world", &Disk::to_world, "placement in the scene"),
-                          field("flip_normals", &Disk::flip_normals, "turn it around"));
+                          field("flip_normals", &Disk::flip_normals, "flip the normal"));
     }
     void build();
     void prepare_sampling() {}

@@ -1,11 +1,11 @@
 #pragma once
-// What is known of a point on a triangle.
+// Properties of points on triangles.
 
 #include "geometry/hit.h"
 
 namespace lajolla {
 
-// What a render asks of hits; the rest of a Hit is then meaningless.
+// The optional properties of hits that a render needs; others are not computed.
 struct HitNeeds {
     bool uvs = true;       // uv
     bool tangents = true;  // dp_du, dp_dv
@@ -17,7 +17,7 @@ struct TriangleCorners {
     Vec3<Float> a, b, c;
 };
 
-// The vertex normals and texture coordinates of a triangle, where its mesh has them.
+// The vertex normals and texture coordinates of a triangle, if its mesh has them.
 template <class Float>
 struct TriangleNormals {
     BoolOf<Float> present = false;
@@ -29,8 +29,8 @@ struct TriangleUvs {
     Vec2<Float> uv0, uv1, uv2;
 };
 
-// The cross product of two edges, which are scaled by a power of two where its square would overflow (edges
-// of 1e9) or vanish (of 1e-9).
+// The cross product of two edges, which are scaled by a power of two if its square would overflow (edges of
+// 1e9) or underflow (edges of 1e-9).
 template <class Float>
 struct EdgeCross {
     Vec3<Float> e1, e2; // scaled
@@ -47,12 +47,12 @@ struct EdgeCross {
         normal = cross(e1, e2);
         squared = length_squared(normal);
     }
-    // Of the parallelogram that the edges span.
+    // The area of the parallelogram that the edges span.
     Float area() const { return sqrt(squared) / sqr(scale); }
 };
 
-// Fills in position, normals and what is needed of the derivatives at barycentric coordinates b1, b2.
-// `flipped` triangles are turned inside out.
+// Sets position, normals and the needed derivatives at barycentric coordinates b1, b2. `flipped` reverses the
+// normals.
 template <class Float>
 void fill_triangle(const TriangleCorners<Float> &p, const TriangleNormals<Float> &normals,
                    const TriangleUvs<Float> &uvs, BoolOf<Float> flipped, Float b1, Float b2,
@@ -72,11 +72,10 @@ void fill_triangle(const TriangleCorners<Float> &p, const TriangleNormals<Float>
         const auto smooth = normals.present && squared > 0.0f;
         const Float inverse_length = 1 / sqrt(squared);
         shading = select(smooth, sum * inverse_length, shading);
-        // Windings vary between files, vertex normals are meant.
+        // Vertex normals determine the front, because windings vary between files.
         normal = select(smooth && dot(shading, normal) < 0.0f, -normal, normal);
         if (needs.curvature) {
-            // Half the trace of the map from steps on the triangle to changes of the normal, in the dual
-            // basis of e1, e2.
+            // Half the trace of the derivative of the normal by the position, in the dual basis of e1, e2.
             const Vec3<Float> dual1 = cross(face.e2, face.normal), dual2 = cross(face.normal, face.e1);
             const Float trace = dot(normals.n1 - normals.n0, dual1) + dot(normals.n2 - normals.n0, dual2);
             const Float curvature = trace * inverse_length * (0.5f * inverse_area * inverse_area);

@@ -1,5 +1,5 @@
 #pragma once
-// Images filtered over what a pixel sees of them: a MIP pyramid, and elliptical averages over its levels.
+// Images filtered over a pixel's footprint: a MIP pyramid, and elliptical averages over its levels.
 
 #include <array>
 #include <memory>
@@ -11,7 +11,7 @@ namespace lajolla {
 enum class FilterType { bilinear, nearest, trilinear, ewa };
 constexpr auto choices(FilterType) { return std::array{"bilinear", "nearest", "trilinear", "ewa"}; }
 
-// Positions and radii are in units of the image, whatever the level.
+// Positions and radii are in units of the image, at all levels.
 class MipMap {
 public:
     MipMap() = default;

@@ -13,7 +13,7 @@ float decode(std::uint8_t value) { return static_cast<float>(value) * (1.0f / 25
 float decode(Grid::Half value) { return static_cast<float>(value); }
 float decode(float value) { return value; }
 
-// The sample that stands for one outside of [0, size).
+// The sample used for an index outside of [0, size).
 std::int32_t wrapped(std::int32_t i, std::int32_t size, WrapMode mode) {
     if (i >= 0 && i < size) return i;
     if (mode == WrapMode::repeat) return ((i % size) + size) % size;

@@ -119,7 +119,7 @@ Float modulo(Float i, Float size) {
     return rest + select(rest < 0.0f, size, select(rest < size, Float(0), -size));
 }
 
-// The texel that one outside [0, size) stands for; always within.
+// The texel used for an index outside of [0, size); always inside.
 template <class Float>
 Float wrap(Float i, Float size, WrapMode mode) {
     if (all(is_inside(i, size))) return i;
@@ -134,7 +134,7 @@ Float wrap(Float i, Float size, WrapMode mode) {
 
 bool has_border(WrapMode mode) { return mode == WrapMode::zero || mode == WrapMode::one; }
 
-// What lies beyond the border, in place of the texel that `wrap` found.
+// The value beyond the border, instead of the texel that `wrap` returned.
 template <class Value, class Float>
 [[gnu::always_inline]] inline Value with_border(const Value &texel, Float i, Float size, WrapMode mode) {
     if (!has_border(mode)) return texel;

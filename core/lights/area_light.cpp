@@ -4,8 +4,8 @@
 
 namespace lajolla {
 
-// Textured rectangles are sampled by what a table holds of their luminance; it need not be exact, but must
-// not vanish where the texture does not.
+// Textured rectangles are sampled by a table of their luminance. It need not be exact, but must not be zero
+// where the texture is not.
 void AreaLight::prepare_sampling(std::span<const TextureModel> textures) {
     const auto *rectangle = std::get_if<Rectangle>(shape);
     if (!rectangle || radiance.is_constant()) return;
@@ -39,7 +39,7 @@ float AreaLight::power(std::span<const TextureModel> textures, const BoundingSph
 }
 
 float AreaLight::mean_luminance(std::span<const TextureModel> textures) const {
-    constexpr int grid = 32; // of points: power only steers the picking
+    constexpr int grid = 32; // of points: power is only used to select lights
     float sum = 0;
     for (int j = 0; j < grid; ++j)
         for (int i = 0; i < grid; ++i) {
@@ -73,7 +73,7 @@ DirectSample<float> AreaLight::sample_direct(const Vec3f &p, float u_primitive, 
 }
 
 Spectrum AreaLight::radiance_at(const SurfaceSample &point, std::span<const TextureModel> textures) const {
-    // As a ray sees it that comes straight from the front.
+    // For a ray at normal incidence from the front.
     const float distance = std::max(point.position_error, 1e-20f);
     const RayHit found{distance, point.b1, point.b2, 0, point.primitive};
     Hit<float> hit{};
@@ -85,7 +85,7 @@ Spectrum AreaLight::radiance_at(const SurfaceSample &point, std::span<const Text
 }
 
 Spectrum AreaLight::read_radiance(Hit<float> hit, std::span<const TextureModel> textures) const {
-    hit.shape = 0; // of the light's shapes, of which there is one
+    hit.shape = 0; // index in the light's shapes: it has one
     return TextureReader<float>(textures, {hit.uv, &hit, shape, {}, false})(radiance);
 }
 

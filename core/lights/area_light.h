@@ -1,7 +1,6 @@
 #pragma once
-// Shapes that shine. A point of a light is chosen by area, and its density is given per solid angle, as all
-// others are, for a surface seen from afar covers the solid angle area * cosine / distance^2. A sphere is
-// sampled within the cone under which it is seen.
+// Emitting shapes. Points are sampled by area; their density is converted to solid angle, like all densities
+// of lights: pdf_solid_angle = pdf_area * distance^2 / cosine. Spheres are sampled by the cone they subtend.
 
 #include <span>
 #include <tuple>
@@ -29,14 +28,14 @@ struct AreaLight {
         return std::tuple(
             field("radiance", &AreaLight::radiance, "emitted radiance").range(0).unit("W/(m^2 sr)"));
     }
-    // Once the shape is known.
+    // Called when the shape is set.
     void prepare_sampling(std::span<const TextureModel> textures);
     float area() const;
     float power(std::span<const TextureModel> textures, const BoundingSphere &) const;
     DirectSample<float> sample_direct(const Vec3f &p, float u_primitive, Vec2f u,
                                       std::span<const TextureModel> textures) const;
     float pdf_hit(const Vec3f &p, const Hit<float> &hit,
-                  const Vec3f &wi) const; // of sampling this hit from p
+                  const Vec3f &wi) const; // density of sampling this hit from p
     Spectrum emitted(const Hit<float> &hit, const Vec3f &wo, std::span<const TextureModel> textures) const;
 
 private:
@@ -47,8 +46,8 @@ private:
     Distribution2D table_; // of textured rectangles, over texture space
 };
 
-// The direction from p to a point of a light that is chosen with this density per area, and the density per
-// solid angle; that is zero where the light is seen from behind.
+// The direction from p to a point of a light that is sampled with this density per area, and the density per
+// solid angle, which is zero if the light faces away.
 template <class Float>
 DirectSample<Float> sample_towards(const Vec3<Float> &p, const Vec3<Float> &position,
                                    const Vec3<Float> &normal, Float position_error, Float area_pdf) {
@@ -57,11 +56,11 @@ DirectSample<Float> sample_towards(const Vec3<Float> &p, const Vec3<Float> &posi
     const Vec3<Float> wi = to_light / distance;
     const Float cosine = -dot(wi, normal);
     const Vec3<Float> target = position + normal * copysign(position_error, cosine);
-    // The change of variables from area to solid angle.
+    // Conversion from area to solid angle.
     const Float pdf = select(cosine > 0.0f, area_pdf * squared / cosine, Float(0));
     return {wi, distance, target, Rgb<Float>(0), pdf};
 }
-// The same density of a point that was found otherwise.
+// The same density for a point that was not sampled by this.
 template <class Float>
 Float solid_angle_pdf(const Vec3<Float> &p, const Vec3<Float> &position, const Vec3<Float> &normal,
                       const Vec3<Float> &wi, Float area_pdf) {
@@ -69,11 +68,11 @@ Float solid_angle_pdf(const Vec3<Float> &p, const Vec3<Float> &position, const V
     return select(cosine > 0.0f, area_pdf * length_squared(position - p) / cosine, Float(0));
 }
 
-// The cone under which a sphere is seen from outside it (Shirley, Wang and Zimmerman 1996). The cone's height
-// 1 - cos is computed from the sine, because a far sphere's cosine rounds to one.
+// The cone that a sphere subtends at a point outside (Shirley, Wang and Zimmerman 1996). Its height 1 - cos
+// is computed from the sine, because the cosine of a distant sphere rounds to one.
 template <class Float>
 struct SphereCone {
-    BoolOf<Float> exists = false; // not from inside, nor so near that it is a half space
+    BoolOf<Float> exists = false; // not inside, nor so near that it is a half-space
     Vec3<Float> axis;
     Float distance, height;
 };
@@ -86,8 +85,8 @@ SphereCone<Float> cone_towards(const Vec3<Float> &center, Float radius, const Ve
             sin_squared / (1 + safe_sqrt(1 - sin_squared))};
 }
 
-// Where on a sphere, as a direction from its centre, the light comes from: uniform in the cone, or on the
-// whole sphere where there is no cone.
+// A sampled point on a sphere, as a direction from its centre: uniform in the cone, or on the whole sphere if
+// there is no cone.
 template <class Float>
 Vec3<Float> sample_seen_side(const SphereCone<Float> &cone, Float radius, const Vec2<Float> &u) {
     const Vec3<Float> local = sample_cone(u, cone.height);

@@ -1,19 +1,19 @@
 #pragma once
-// What sampling a light towards a point gives.
+// The result of sampling a light from a point.
 
 #include "base/vec.h"
 
 namespace lajolla {
 
-// A direction towards a light; none where pdf is zero: the rest is meaningless then.
+// A direction to a light. If pdf is zero, there is no sample, and the rest is undefined.
 template <class Float>
 struct DirectSample {
     Vec3<Float> wi{0};      // unit length
-    Float distance = 0;     // infinity for lights around the scene
-    Vec3<Float> target{0};  // where the light is, moved off its surface; meaningless at infinite distance
+    Float distance = 0;     // infinity for lights at infinity
+    Vec3<Float> target{0};  // the point on the light, offset from its surface; undefined at infinite distance
     Rgb<Float> radiance{0}; // for lights without area: radiant intensity over squared distance, or irradiance
     Float pdf = 0;          // per solid angle; 1 for lights that no ray can hit
-    BoolOf<Float> delta = false; // no ray can hit the light, only sampling finds it
+    BoolOf<Float> delta = false; // no ray can hit the light
 };
 
 template <class Float>

@@ -4,8 +4,8 @@
 
 namespace lajolla {
 
-// The image's first row lies on the upper pole, and its last row on the lower one, as in Mitsuba 3, or at
-// theta_max; columns are centred in their share of the turn.
+// The image's first row is at the upper pole, and its last row at the lower one, as in Mitsuba 3, or at
+// theta_max; each column is in the centre of its range of azimuths.
 
 void EnvironmentMap::build() {
     if (!image || image->width == 0 || image->height == 0)
@@ -17,7 +17,7 @@ void EnvironmentMap::build() {
     to_local_ = *inverted;
     height_ = theta_max / 180 * pi;
     half_texel_ = 0.5f / static_cast<float>(image->width);
-    // A cell has texel centres at its corners: its bilinear values vanish only where its weight does.
+    // The corners of a cell are texel centres, so that its weight is zero only if all its values are.
     const std::uint32_t width = image->width, rows = std::max(image->height, 2u) - 1;
     std::vector<float> weights(static_cast<std::size_t>(width) * rows);
     double sum = 0;

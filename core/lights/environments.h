@@ -1,5 +1,5 @@
 #pragma once
-// Lights around the scene, which rays find by missing everything. They look alike from every point.
+// Lights at infinity, which rays without a hit reach. They look the same from every point.
 
 #include <memory>
 #include <span>
@@ -67,12 +67,12 @@ struct EnvironmentMap {
     DirectSample<Float> sample_direct(const Vec3<Float> &p, Float, const Vec2<Float> &u,
                                       std::span<const TextureModel>) const;
     template <class Float>
-    Rgb<Float> emitted(const Vec3<Float> &direction) const; // seen along a direction
+    Rgb<Float> emitted(const Vec3<Float> &direction) const; // radiance along a direction
     template <class Float>
     Float pdf_direction(const Vec3<Float> &wi) const;
 
 private:
-    // Where a direction is in the image; square.y is above 1 where the image has ended.
+    // The image position of a direction; square.y > 1 is outside of the image.
     template <class Float>
     struct Place {
         Vec2<Float> square;
@@ -184,7 +184,7 @@ private:
     Spectrum radiance_{0};
 };
 
-// Lights that are around the scene.
+// Lights at infinity that rays can reach.
 template <class T>
 concept IsEnvironment = requires(const T &light, Vec3f w) { light.pdf_direction(w); };
 

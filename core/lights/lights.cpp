@@ -9,8 +9,7 @@ namespace {
 
 // --- lanes of several lights -------------------------------------------------------------------------------
 
-// Numbers 4 row to 4 row + 3 of the records that the lanes want. Inlined, so that rows that nobody reads are
-// not loaded.
+// Numbers 4 row to 4 row + 3 of one record per lane. Inlined, so that unused rows are not loaded.
 template <class Float, class Record>
 [[gnu::always_inline]] inline Quad<Float> load_row(const Record *records, IntOf<Float> index,
                                                    std::size_t row) {
@@ -92,10 +91,9 @@ void put(DirectSample<Float> &x, int k, const DirectSample<float> &value) {
 
 // --- picking -----------------------------------------------------------------------------------------------
 
-// What lights are picked by: half of the time by power, else evenly, for power knows nothing of distance, and
-// a lamp at a wall must not be left out because there are brighter ones elsewhere. The power of lights at
-// infinity is what enters the whole scene; little of it may be where the camera looks, and they count for no
-// more than all others.
+// Selection of lights: with probability 1/2 by power, otherwise uniformly, because power does not depend on
+// distance: nearby dim lights must be sampled too. The power of lights at infinity is that entering the whole
+// scene, of which the camera may see little, so it is limited to the power of all others.
 std::vector<float> pick_weights(std::span<const Light> lights, std::span<const float> powers) {
     const auto is_distant = [](const auto &light) {
         using T = std::decay_t<decltype(light)>;
@@ -128,7 +126,7 @@ LightPicker::LightPicker(std::span<const Light> lights, std::span<const TextureM
             has_delta_lights_ |= IsDeltaLight<std::decay_t<decltype(light)>>;
             if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) environments_.push_back(i);
         });
-    // A light whose power overflows must not hide the others.
+    // A light whose power overflows must not prevent sampling of the others.
     float strongest = 0;
     for (const float power : powers)
         if (std::isfinite(power)) strongest = std::max(strongest, power);
@@ -215,11 +213,11 @@ DirectSample<Float> sample_sphere_light(const LightRecord<Float> &light, const V
 template <class Float>
 DirectSample<Float> LightPicker::sample_direct(const Vec3<Float> &p, Float u_pick,
                                                const Vec2<Float> &u) const {
-    // A light, by power and evenly as pick_weights says.
+    // A light, by pick_weights.
     const auto pick = picks_.sample(u_pick);
     const auto light = load_light<Float>(records_, pick.index);
-    // A light that is picked rarely leaves few of u_pick's 24 bits to choose a triangle with: low bits of u
-    // fill in.
+    // A light with low probability leaves few of the 24 bits of u_pick to select a triangle; low bits of u
+    // are added.
     const Float low_bits = u.x * 4096 - floor(u.x * 4096);
     const Float u_primitive = min(pick.rest + low_bits * (0x1p-24f / pick.probability), Float(one_minus_ulp));
 
@@ -254,7 +252,7 @@ DirectSample<Float> LightPicker::sample_direct(const Vec3<Float> &p, Float u_pic
     });
 
     if (environments_.size() > 1) {
-        // Lights around the scene are one light, sampled by the mixture of their densities.
+        // Environment lights are sampled as one light, by the mixture of their densities.
         const auto around = light.is(LightKind::around) && sample.pdf > 0.0f;
         if (any(around)) {
             sample.radiance = select(around, environment(sample.wi), sample.radiance);

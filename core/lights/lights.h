@@ -19,19 +19,19 @@ namespace lajolla {
 using Light = std::variant<AreaLight, ConstantLight, EnvironmentMap, DistantDisk, PointLight,
                            DirectionalLight, SpotLight, Projector>;
 
-// Lights that have no area and no extent in solid angle.
+// Lights that have no area and subtend no solid angle.
 template <class T>
 concept IsDeltaLight = std::is_same_v<T, PointLight> || std::is_same_v<T, DirectionalLight> ||
                        std::is_same_v<T, SpotLight> || std::is_same_v<T, Projector>;
 
-// How a light is sampled for several lanes, which may have picked different ones.
+// How a light is sampled in lanes, which may have selected different lights.
 enum class LightKind : std::int32_t {
-    triangles, // of the same radiance all over, as the next two
+    triangles, // with constant radiance, like the next two
     parallelogram,
     sphere,
-    around,   // the scene
-    textured, // these go through the light itself, lane by lane: shapes whose radiance is read from a texture
-    other,    // shapes that are neither, and lights that no ray can hit
+    around,   // environment light
+    textured, // evaluated by the light itself, one lane at a time: shapes with textured radiance
+    other,    // other shapes, and lights that no ray can hit, likewise
 };
 
 // The data of a light for lanes, in one cache line.
@@ -42,7 +42,7 @@ struct alignas(64) LightRecord {
     Vec3<Float> center;                 // of a sphere
     Float radius = 0;                   // the same
     Float position_error = 0, side = 1; // the same; side is -1 if it emits inwards
-    Float probability = 0;              // of picking the light
+    Float probability = 0;              // of selecting the light
     Float area_pdf = 0;                 // of a point of its shape, per area, times `probability`
     Float primitive_count = 1;          // of triangles or a parallelogram
     IntOf<Float> first_primitive = 0;   // in the list of all lights' primitives
@@ -72,23 +72,22 @@ public:
     LightPicker(std::span<const Light> lights, std::span<const TextureModel> textures,
                 const BoundingSphere &scene);
 
-    // No light has any power: there is nothing to sample.
+    // No light has any power.
     bool empty() const { return !(picks_.sum() > 0); }
-    // Whether rays that leave the scene find a light.
+    // Whether there is an environment light.
     bool has_environment() const { return !environments_.empty(); }
-    // Whether some light can be found by sampling it alone.
+    // Whether some light can only be sampled, because no ray can hit it.
     bool has_delta_lights() const { return has_delta_lights_; }
-    // `u_pick` also chooses within a light; densities include the pick.
+    // `u_pick` selects the light and a part of it; densities include the probability of this selection.
     template <class Float>
     DirectSample<Float> sample_direct(const Vec3<Float> &p, Float u_pick, const Vec2<Float> &u) const;
-    // Density of sampling a hit on a light, or a direction that leaves the scene, from p; 0 for hits on what
-    // is no light.
+    // Density of sampling a hit on a light, or a direction that leaves the scene, from p; 0 for hits on other
+    // shapes.
     template <class Float>
     Float pdf_hit(const Vec3<Float> &p, const Hit<Float> &hit, const Vec3<Float> &wi) const;
     template <class Float>
     Float pdf_environment(const Vec3<Float> &wi) const;
-    // Radiance that a ray carries from a light it hits, or from around the scene. Lights around the scene
-    // add up.
+    // Radiance along a ray from the light that it hits, or from the sum of environment lights.
     template <class Float>
     Rgb<Float> emitted(const Hit<Float> &hit, const Vec3<Float> &wo) const;
     template <class Float>

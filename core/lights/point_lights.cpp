@@ -104,14 +104,14 @@ float Projector::power(std::span<const TextureModel> textures, const BoundingSph
     return 4 * half_width_ * half_height_ * pi * scale * static_cast<float>(sum / (grid * grid));
 }
 
-// The factor pi is Mitsuba 3's, where the picture is what a diffuse white screen would show.
+// The factor pi is as in Mitsuba 3, where the picture is the radiance of a white diffuse screen.
 DirectSample<float> Projector::sample_direct(const Vec3f &p, float, Vec2f,
                                              std::span<const TextureModel> textures) const {
     const Vec3f local = to_local_.point(p);
     const Vec3f to_light = to_world.origin() - p;
     const float distance = length(to_light);
     if (!(local.z > 0) || !(distance > 0)) return {};
-    // As cameras see it: +x to the left of the picture, +y up.
+    // As for cameras: +x to the left of the picture, +y up.
     const Vec2f uv{0.5f - local.x / (2 * local.z * half_width_),
                    0.5f - local.y / (2 * local.z * half_height_)};
     if (!(uv.x >= 0 && uv.x <= 1 && uv.y >= 0 && uv.y <= 1)) return {};

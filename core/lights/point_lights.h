@@ -1,5 +1,5 @@
 #pragma once
-// Lights that have no area and no extent in solid angle: no ray can hit them.
+// Lights that have no area and subtend no solid angle: no ray can hit them.
 
 #include <span>
 #include <tuple>
@@ -80,7 +80,7 @@ struct SpotLight {
                                       std::span<const TextureModel> textures) const;
 
 private:
-    // Radiant intensity in a direction in which light leaves.
+    // Radiant intensity in the direction of emission.
     Spectrum shine(const Vec3f &direction, std::span<const TextureModel> textures) const;
     float falloff(float cos_angle) const;
 

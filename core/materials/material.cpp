@@ -49,7 +49,7 @@ void turn_by(const auto &map, const TextureReader<Float> &read, const Hit<Float>
     normal.shadowed |= map.use_shadowing_function;
 }
 
-// Two materials, the second of which has the share `weight`.
+// Two materials; `weight` is that of the second one.
 template <class Float>
 NullTransmission<Float> blend(Float weight, const NullTransmission<Float> &first,
                               const NullTransmission<Float> &second) {
@@ -63,7 +63,7 @@ Materials::Materials(std::vector<Material> materials, std::vector<Adapter> adapt
                      std::span<const Bsdf> bsdfs)
     : materials_(std::move(materials)), adapters_(std::move(adapters)), bsdfs_(bsdfs) {
     for (const Bsdf &bsdf : bsdfs) bsdf_transmits_.push_back(traits(bsdf).null_transmission);
-    std::vector<bool> clear; // adapters of BSDFs that light passes through, and no others
+    std::vector<bool> clear; // adapters of transmissive BSDFs only
     const auto is_clear = [&](MaterialId id) {
         if (id.adapter >= 0) return bool(clear[static_cast<std::size_t>(id.adapter)]);
         return id.bsdf >= 0 && traits(bsdfs[static_cast<std::size_t>(id.bsdf)]).transmissive;

@@ -1,7 +1,6 @@
 #pragma once
 // The material of a shape: a tree whose leaves are BSDFs. Its inner nodes, the adapters, select between
-// materials, mask, or change the normal; none of them is a BSDF, so lobes stay small however deep they
-// nest.
+// materials, mask, or change the normal. They are not BSDFs, so lobes stay small for trees of any depth.
 
 #include <array>
 #include <cstdint>
@@ -18,17 +17,16 @@
 
 namespace lajolla {
 
-// What a slot or an adapter holds: a BSDF, an adapter, or neither, which is black.
+// The content of a slot or an adapter: a BSDF, an adapter, or neither, which is black.
 struct MaterialId {
     std::int32_t bsdf = -1, adapter = -1;
     friend constexpr bool operator==(const MaterialId &, const MaterialId &) = default;
 };
 
-// One tree for each side. A transmissive BSDF applies to both sides wherever it
-// stands.
+// One tree for each side. Transmissive BSDFs apply to both sides, even if only one tree contains them.
 struct Material {
     MaterialId front;
-    MaterialId back; // seen from behind, as if the surface were turned over
+    MaterialId back; // for the back, in a flipped frame
 };
 
 struct Blend {
@@ -38,7 +36,7 @@ struct Blend {
     MaterialId first, second;
 
     static constexpr auto fields() {
-        return std::tuple(field("weight", &Blend::weight, "share of the second material").range(0, 1),
+        return std::tuple(field("weight", &Blend::weight, "weight of the second material").range(0, 1),
                           field("first", &Blend::first, "where the weight is 0"),
                           field("second", &Blend::second, "where the weight is 1"));
     }
@@ -107,36 +105,37 @@ void turn(const NormalMap &map, const TextureReader<Float> &read, const Hit<Floa
 class Materials {
 public:
     Materials() = default;
-    // Ids are in range, and adapters hold earlier adapters only; `bsdfs` stay where they are. Throws
+    // Ids must be valid, adapters may only contain earlier adapters, and `bsdfs` must outlive this. Throws
     // std::invalid_argument for trees that are too large.
     Materials(std::vector<Material> materials, std::vector<Adapter> adapters, std::span<const Bsdf> bsdfs);
 
     const Material &operator[](std::int32_t id) const { return materials_[static_cast<std::size_t>(id)]; }
 
-    // Whether anything passes straight through any material.
+    // Whether light passes straight through any material.
     bool has_null_transmission() const { return has_null_transmission_; }
 
-    // The light that passes straight through, seen from `wo`. `normal` is that before maps turn it.
+    // The light that passes straight through, seen from `wo`. `normal` is the one without maps.
     template <class Float>
     NullTransmission<Float> null_transmission(MaterialId id, const TextureReader<Float> &read,
                                               const Hit<Float> &hit, const Vec3<Float> &wo,
                                               MappedNormal<Float> normal) const;
 
-    // Calls f(bsdf, normal, chosen) for the BSDFs (-1 is black) that scatter what does not pass straight
-    // through, each chosen with the probability of its share of it by a uniform number. Maps on the way to it
-    // turn the normal.
+    // For light that does not pass straight through, selects a BSDF (-1 is black) in proportion to the light
+    // it intercepts, and calls f(bsdf, normal, chosen) for each selected one. Maps on the way to it change
+    // the normal.
     template <class Float, class F>
     void choose(MaterialId id, const TextureReader<Float> &read, const Hit<Float> &hit, const Vec3<Float> &wo,
                 Float u, MappedNormal<Float> normal, BoolOf<Float> active, F &&f) const;
 
     static constexpr int most_lit_leaves = 4;
-    // Whether a tree mixes BSDFs, and so few of them that looking at each is worth its time.
+    // Whether a tree mixes BSDFs, and few enough to evaluate each of them.
     bool is_small_blend(MaterialId id) const {
         if (id.adapter < 0) return false;
         const int leaves = adapter_leaves_[static_cast<std::size_t>(id.adapter)];
         return leaves > 1 && leaves <= most_lit_leaves;
     }
-    // Calls f(bsdf, normal, share) for what choose() may choose, with its probability times `share`.
+    // Calls f(bsdf, normal, share) for all BSDFs that choose() may select; multiplies their probability by
+    // `share`.
     template <class Float, class F>
     void for_each_leaf(MaterialId id, const TextureReader<Float> &read, const Hit<Float> &hit,
                        const Vec3<Float> &wo, MappedNormal<Float> normal, Float share, F &&f) const;
@@ -151,12 +150,12 @@ public:
                                : id.bsdf >= 0 && bsdf_transmits_[static_cast<std::size_t>(id.bsdf)];
     }
 
-    // The BSDF that is reached first.
+    // The first BSDF in the tree.
     std::int32_t first_bsdf(MaterialId id) const;
 
 private:
     const Adapter &adapter(MaterialId id) const { return adapters_[static_cast<std::size_t>(id.adapter)]; }
-    // Of what a blend stops of the light, the part that its second material stops.
+    // The fraction of the light intercepted by a blend that its second material intercepts.
     template <class Float>
     Float share_of_second(const Blend &blend, const TextureReader<Float> &read, const Hit<Float> &hit,
                           const Vec3<Float> &wo, const MappedNormal<Float> &normal) const;

@@ -1,21 +1,21 @@
 #pragma once
-// Shading normals: how maps turn them, and how they are kept from making surfaces black.
+// Shading normals: changes by maps, and corrections that prevent black surfaces.
 
 #include "base/frame.h"
 
 namespace lajolla {
 
-// A normal on the way through the maps of a material.
+// A normal during traversal of the maps of a material.
 template <class Float>
 struct MappedNormal {
     Vec3<Float> n;                  // unit
     Vec3<Float> tangent;            // along which u grows; any length, not in n's plane exactly
-    BoolOf<Float> mirrored = false; // seen from behind: n is turned over, and u, v and n are left-handed
+    BoolOf<Float> mirrored = false; // seen from behind: n is flipped, and u, v and n are left-handed
     bool shadowed = false;          // by bumps
 };
 
-// The normal of the surface that a displacement along n makes of this one, from its derivatives by u and v.
-// The derivative of n itself is left out (Blinn 1978, "Simulation of Wrinkled Surfaces", equation 3).
+// The normal of a surface that is displaced along n, from the displacement's derivatives by u and v. Neglects
+// the derivative of n itself (Blinn 1978, "Simulation of Wrinkled Surfaces", equation 3).
 template <class Float>
 Vec3<Float> bumped(const Vec3<Float> &n, const Vec3<Float> &dp_du, const Vec3<Float> &dp_dv, Float by_u,
                    Float by_v) {
@@ -25,7 +25,7 @@ Vec3<Float> bumped(const Vec3<Float> &n, const Vec3<Float> &dp_du, const Vec3<Fl
     return select(squared > 0.0f && isfinite(squared), sum * copysign(1 / sqrt(squared), dot(sum, n)), n);
 }
 
-// A normal that faces away from a viewer on the side of `around` is turned by half a turn around that
+// Rotates a normal that faces away from a viewer on the side of `around` by 180 degrees around that axis
 // (Schüssler et al. 2017, "Microfacet-based Normal Mapping for Robust Monte Carlo Path Tracing", section 3).
 template <class Float>
 Vec3<Float> facing(const Vec3<Float> &n, const Vec3<Float> &around, const Vec3<Float> &wo) {
@@ -33,7 +33,7 @@ Vec3<Float> facing(const Vec3<Float> &n, const Vec3<Float> &around, const Vec3<F
 }
 
 // The normal nearest to n in the plane of n and the true normal `ng` around which the mirror image of the
-// viewer is above the surface: above the lesser of 0.025 and 0.9 dot(ng, wo), the bounds that Cycles takes.
+// viewer is above the surface by at least min(0.025, 0.9 dot(ng, wo)), the bounds used by Cycles.
 // Needs dot(ng, wo) > 0. With wo = (x, z) in that plane, z along ng, a normal (sin a, cos a) has a mirror
 // image of height x sin 2a + z cos 2a = r cos(2a - b), where r and b are the length and the angle of (x, z).
 template <class Float>
@@ -52,8 +52,8 @@ Vec3<Float> with_mirror_image_above(const Vec3<Float> &n, const Vec3<Float> &ng,
     return select(is_above, n, select(squared > 0.0f, lifted, ng));
 }
 
-// A normal near n that neither points into the surface nor is seen from behind: enough for Lambertian lobes,
-// which then lose no more than the half below the surface.
+// A normal near n that does not point into the surface and faces the viewer: sufficient for Lambertian lobes,
+// which then lose at most the half below the surface.
 template <class Float>
 Vec3<Float> seen_from_above(const Vec3<Float> &n, const Vec3<Float> &ng, const Vec3<Float> &wo) {
     constexpr float lowest = 1e-4f;
@@ -82,9 +82,10 @@ constexpr Float tangent_squared(Float cosine) {
     return max(1 - sqr(cosine), Float(0)) / max(sqr(cosine), Float(1e-12f));
 }
 
-// What is left of light from a direction with a tangent^2 of `light` where bumps turned the normal by an
-// angle with a tangent^2 of `bump`: Smith's shadowing of a GGX surface as rough as the bump is steep (Estevez
-// et al. 2019, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem", equations 1, 2).
+// The fraction of light that is not shadowed by bumps, for a direction with tan^2 = `light` and a normal that
+// is rotated by an angle with tan^2 = `bump`: Smith's shadowing of a GGX surface with alpha^2 = min(bump / 8,
+// 1) (Estevez et al. 2019, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem",
+// equations 1, 2).
 template <class Float>
 Float bump_shadowing(Float bump, Float light) {
     return 2 / (1 + sqrt(1 + min(0.125f * bump, Float(1)) * light));

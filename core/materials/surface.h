@@ -1,5 +1,5 @@
 #pragma once
-// A surface point made ready to scatter light: a lobe, and the frame it lives in.
+// A surface point that scatters light: a lobe and its frame.
 
 #include "geometry/hit.h"
 #include "materials/normals.h"
@@ -10,13 +10,13 @@ namespace lajolla {
 // How a shading normal differs from the geometric one. Directions are in the shading frame.
 template <class Float>
 struct ShadingNormal {
-    BoolOf<Float> differs = false; // else the rest is meaningless
-    Float bump = 0; // tangent^2 of the angle by which maps turned the normal, where that casts shadows
-    Vec3<Float> geometric{}; // normal
-    Vec3<Float> smooth{};    // normal before maps turned it
+    BoolOf<Float> differs = false; // otherwise the rest is undefined
+    Float bump = 0;                // tan^2 of the rotation of the normal by maps, if it casts shadows
+    Vec3<Float> geometric{};       // normal
+    Vec3<Float> smooth{};          // normal without maps
 
-    // How much of the light that is scattered between wo and wi there is: none that is reflected into the
-    // solid, and less where bumps stand in its way.
+    // A factor of light scattered between wo and wi: 0 for reflection into the surface, less than 1 if bumps
+    // cast shadows.
     Float visible(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
         const auto into_solid = wi.z * wo.z > 0.0f && dot(geometric, wi) * dot(geometric, wo) <= 0.0f;
         Float shadowing = 1;
@@ -27,19 +27,19 @@ struct ShadingNormal {
     }
 };
 
-// Of a model, or of any: LobeType is a model's lobe, or the variant of all.
+// LobeType is a model's lobe, or the variant of all lobes.
 template <class Float, class LobeType>
 struct Surface {
-    BoolOf<Float> black = true;       // nothing is scattered: the rest is meaningless
-    BoolOf<Float> delta = false;      // or as good as: only sampling the lobe finds where it scatters
-    Float scattering_probability = 1; // that light does not pass straight through
+    BoolOf<Float> black = true;       // nothing is scattered: the rest is undefined
+    BoolOf<Float> delta = false;      // delta or almost: lights are not sampled
+    Float scattering_probability = 1; // probability that a path does not pass straight through
     Frame<Float> frame;
     Vec3<Float> wo; // local
     LobeType lobe;
     ShadingNormal<Float> normal;
 
-    // The BSDF times |cos|, and the density, of light from a direction in world space. What passes straight
-    // through is left out: paths have not.
+    // The BSDF times |cos| and the density for light from a direction in world space, for paths that do not
+    // pass straight through.
     BsdfEval<Float> eval(const Vec3<Float> &direction) const {
         const Vec3<Float> wi = frame.to_local(direction);
         BsdfEval<Float> result = eval_lobe(wi);
@@ -71,21 +71,20 @@ private:
     }
 };
 
-// The frame in which a lobe scatters at a hit, and what is wrong with its normal.
+// The frame in which a lobe scatters at a hit, and the correction for its shading normal.
 template <class Float>
 struct ShadingFrame {
-    BoolOf<Float> black; // seen from a side that has nothing to show
+    BoolOf<Float> black; // the visible side has no BSDF
     Frame<Float> frame;
     ShadingNormal<Float> normal;
 };
 
-// Seen from `wo` (world space); `turned` is where the BSDF is that of the back, as if the surface were turned
-// over.
+// For the viewer `wo` (world space); `turned` if the BSDF is that of the back, whose frame is flipped.
 template <class Float>
 ShadingFrame<Float> shading_frame(const BsdfTraits &traits, const Hit<Float> &hit, const Vec3<Float> &wo,
                                   const MappedNormal<Float> &normal, BoolOf<Float> turned) {
     const SeenNormals<Float> seen = seen_from(wo, hit.normal, normal);
-    // Towards the viewer, until it is known whether the lobe distinguishes the sides.
+    // Towards the viewer, until it is known whether the lobe distinguishes both sides.
     Vec3<Float> n = seen.shading;
     const auto differs = !(n == seen.geometric);
     if (any(differs))

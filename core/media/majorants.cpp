@@ -31,7 +31,7 @@ MajorantGrid::MajorantGrid(const GridVolume &volume, float scale) {
     for (std::int32_t z = 0; z < cells_[2]; ++z)
         for (std::int32_t y = 0; y < cells_[1]; ++y)
             for (std::int32_t x = 0; x < cells_[0]; ++x) {
-                // A voxel more on either side: interpolation reaches there.
+                // One voxel more on each side, because interpolation uses it.
                 const std::int32_t first[3] = {x * voxels[0] - 1, y * voxels[1] - 1, z * voxels[2] - 1};
                 const std::int32_t last[3] = {(x + 1) * voxels[0], (y + 1) * voxels[1], (z + 1) * voxels[2]};
                 bounds_.push_back(scale * largest(*volume.grid, first, last));

@@ -1,5 +1,5 @@
 #pragma once
-// A coarse grid of upper bounds of a medium's extinction, and the walk of a ray through it.
+// A coarse grid of upper bounds of a medium's extinction, and its traversal by rays.
 
 #include <vector>
 
@@ -14,12 +14,11 @@ public:
     // The same bound everywhere.
     explicit MajorantGrid(float bound) : bounds_{bound}, everywhere_(true) {}
     MajorantGrid() : MajorantGrid(0.0f) {}
-    // The bounds of `scale` times the largest channel of a volume; nothing is outside of it.
+    // Bounds of `scale` times the largest channel of a volume; zero outside of the volume.
     MajorantGrid(const GridVolume &volume, float scale);
 
-    // Calls f(t0, t1, majorant) -> bool for the pieces of the ray between near and far, in order, while f
-    // returns true. Pieces adjoin; where the medium does not reach there is no piece. Says whether f was
-    // always true.
+    // Calls f(t0, t1, majorant) -> bool for the pieces of the ray between near and far, in order, until f
+    // returns false. Pieces are adjacent and inside the volume. Returns whether f always returned true.
     template <class F>
     bool traverse(const Ray<float> &ray, F &&f) const;
 
@@ -35,7 +34,7 @@ private:
 
     std::vector<float> bounds_;
     std::int32_t cells_[3] = {1, 1, 1};
-    Vec3f extent_{1}; // of the volume, in cells: the last ones may stand out
+    Vec3f extent_{1}; // of the volume, in cells: the last ones may extend beyond it
     Transform world_to_cells_;
     bool everywhere_ = false;
 };
@@ -46,7 +45,7 @@ template <class F>
 bool MajorantGrid::traverse(const Ray<float> &ray, F &&f) const {
     if (everywhere_) return !(ray.near < ray.far) || f(ray.near, ray.far, bounds_[0]);
     const Vec3f origin = world_to_cells_.point(ray.origin), direction = world_to_cells_.vector(ray.direction);
-    const Vec3f inverse = Vec3f(1) / direction; // not used where that is infinite
+    const Vec3f inverse = Vec3f(1) / direction; // not used where it is infinite
     float t = ray.near, far = ray.far;
     for (std::size_t axis = 0; axis < 3; ++axis) {
         const float a = -origin[axis] * inverse[axis], b = (extent_[axis] - origin[axis]) * inverse[axis];
@@ -56,7 +55,7 @@ bool MajorantGrid::traverse(const Ray<float> &ray, F &&f) const {
     if (!(t < far)) return true;
     std::int32_t cell[3];
     for (std::size_t axis = 0; axis < 3; ++axis) {
-        const float x = origin[axis] + t * direction[axis]; // perhaps not a number
+        const float x = origin[axis] + t * direction[axis]; // may be NaN
         cell[axis] = x > 0 ? static_cast<std::int32_t>(std::min(x, static_cast<float>(cells_[axis] - 1))) : 0;
     }
     while (true) {
@@ -68,7 +67,7 @@ bool MajorantGrid::traverse(const Ray<float> &ray, F &&f) const {
             const float at = (wall - origin[axis]) * inverse[axis];
             if (at < next) next = at, crossed = axis;
         }
-        if (next > t) { // rounding may put a crossing before the last one
+        if (next > t) { // rounding may place a crossing before the previous one
             if (!f(t, next, bound(cell))) return false;
             t = next;
         }

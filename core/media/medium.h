@@ -1,5 +1,5 @@
 #pragma once
-// The list of media, and all that is known of the medium at a point.
+// The list of media, and the properties of a medium at a point.
 
 #include <variant>
 #include <vector>
@@ -10,10 +10,10 @@
 
 namespace lajolla {
 
-// What a medium does per unit of length.
+// The properties of a medium per unit of length.
 struct Coefficients {
     Spectrum sigma_a{0}, sigma_s{0}; // absorption and scattering
-    Spectrum emission{0};            // radiance gained
+    Spectrum emission{0};            // radiance added
 
     Spectrum sigma_t() const { return sigma_a + sigma_s; }
 };
@@ -28,14 +28,13 @@ struct Homogeneous {
         return std::tuple(field("sigma_a", &Homogeneous::sigma_a, "absorption").range(0).unit("1/length"),
                           field("sigma_s", &Homogeneous::sigma_s, "scattering").range(0).unit("1/length"),
                           field("emission", &Homogeneous::emission,
-                                "radiance that so much of it as is opaque would emit: what is gained per "
-                                "length is this times "
-                                "sigma_a")
+                                "radiance of an opaque medium: emission * sigma_a is added per length")
                               .range(0),
                           field("phase", &Homogeneous::phase, "phase function"));
     }
 
-    // Whether collisions are sampled, where media scatter; what only absorbs is known in closed form.
+    // Whether collisions are sampled. A medium that does not scatter needs none: absorption has a closed
+    // form.
     bool collides(bool scatters) const { return scatters && !is_black(sigma_s); }
     Coefficients coefficients(const auto &) const { return {sigma_a, sigma_s, sigma_a * emission}; }
 };
@@ -54,9 +53,7 @@ struct Heterogeneous {
             field("albedo", &Heterogeneous::albedo, "fraction of the extinction that is scattering")
                 .range(0, 1),
             field("emission", &Heterogeneous::emission,
-                  "radiance that so much of it as is opaque would emit: what is gained per length is this "
-                  "times "
-                  "the absorption")
+                  "radiance of an opaque medium: emission * absorption is added per length")
                 .range(0),
             field("scale", &Heterogeneous::scale, "multiplies the extinction").range(0),
             field("phase", &Heterogeneous::phase, "phase function"));
@@ -73,12 +70,12 @@ struct Heterogeneous {
 
 using Medium = std::variant<Homogeneous, Heterogeneous>;
 
-// The media of a scene with what they refer to. Models that are added may refer to those before them, by ids
-// that are in range.
+// The media of a scene, with the models that they refer to. Added models may refer to earlier ones by valid
+// ids.
 class Media {
 public:
     void add(VolumeModel volume) { volumes_.push_back(std::move(volume)); }
-    // These throw std::invalid_argument for what does not fit together.
+    // These throw std::invalid_argument if parameters contradict each other.
     void add(Phase phase);
     void add(Medium medium);
 
@@ -88,10 +85,10 @@ public:
     std::span<const Phase> phases() const { return phases_; }
     const Medium &operator[](std::int32_t medium) const { return media_[static_cast<std::size_t>(medium)]; }
 
-    // What a medium does to light that travels along wo (either way) at a point.
+    // The coefficients of a medium at a point for light along wo, in either direction.
     Coefficients coefficients(std::int32_t medium, const Vec3f &position, const Vec3f &wo) const;
     PhaseLobe phase(std::int32_t medium, const Vec3f &position) const;
-    // Whether an error of positions counts beside a medium's mean free path.
+    // Whether an error of positions is not small compared with the medium's mean free path.
     bool is_dense(std::int32_t medium, float position_error) const {
         return densest_[static_cast<std::size_t>(medium)] * position_error > 1e-3f;
     }
@@ -106,7 +103,7 @@ private:
     std::vector<Phase> phases_;
     std::vector<Medium> media_;
     std::vector<bool> directional_; // whether a medium's extinction depends on the direction
-    std::vector<float> densest_;    // an upper bound of it
+    std::vector<float> densest_;    // an upper bound of the extinction
 };
 
 } // namespace lajolla

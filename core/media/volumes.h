@@ -1,5 +1,5 @@
 #pragma once
-// Volumes: what varies in space, and how a model reads it at a point.
+// Volumes: values that vary in space, and how models read them at a point.
 
 #include <array>
 #include <memory>
@@ -29,8 +29,8 @@ struct GridVolume {
     static constexpr auto fields() {
         return std::tuple(
             field("grid", &GridVolume::grid, "the samples"),
-            field("filter_type", &GridVolume::filter_type, "how values between samples are found"),
-            field("wrap_mode", &GridVolume::wrap_mode, "what lies outside the cube; never density"),
+            field("filter_type", &GridVolume::filter_type, "interpolation between samples"),
+            field("wrap_mode", &GridVolume::wrap_mode, "values outside the cube; densities are zero there"),
             field("align_corners", &GridVolume::align_corners,
                   "the outermost samples lie on the cube's faces, not half a voxel within"),
             field("to_world", &GridVolume::to_world, "places the cube"));
@@ -39,7 +39,7 @@ struct GridVolume {
     void build();
 
     const Transform &world_to_cube() const { return world_to_cube_; }
-    // How many intervals between samples, or voxels, there are along the cube.
+    // Number of intervals between samples, or of voxels, along each axis of the cube.
     Vec3f intervals() const;
 
     // At points in world space.
@@ -76,7 +76,7 @@ public:
         if (volume.is_constant()) return volume.constant;
         return match(at(volume.id), [&](const auto &model) { return model.evaluate_matrix(position_); });
     }
-    // Zero outside of what the volume fills; constants are everywhere.
+    // Zero outside of the volume; constants have no bounds.
     Spectrum inside(const Volume<Spectrum> &volume) const {
         if (volume.is_constant()) return volume.constant;
         return match(at(volume.id), [&](const auto &model) { return model.evaluate_inside(position_); });

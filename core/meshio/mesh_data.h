@@ -24,7 +24,7 @@ struct MeshData {
 
     /// The triangles that use one material.
     struct Group {
-        std::string material; // empty for triangles that stand before the first `usemtl`
+        std::string material; // empty for triangles before the first `usemtl`
         uint32_t first_triangle;
         uint32_t triangle_count;
     };
@@ -39,11 +39,11 @@ struct MeshData {
     std::vector<Group> groups;                   // contiguous, in the order of the triangles; OBJ only
     std::vector<std::string> material_libraries; // `mtllib` names; OBJ only
     std::string name;                            // serialized version 4 only
-    bool face_normals = false;                   // the file asks for flat faces; serialized only
+    bool face_normals = false;                   // the file requests flat faces; serialized only
     bool mended = false; // concave polygons or missing values, of which other programs make something else
 };
 
-/// What is wrong with a mesh file, and where: a line number for text, a byte offset for binary data.
+/// An error in a mesh file with its location: a line number for text, a byte offset for binary data.
 class MeshError : public std::runtime_error {
 public:
     using std::runtime_error::runtime_error;

@@ -67,7 +67,7 @@ private:
         latest; // by position: mostly the same corner again, and near the one before in memory
 };
 
-/// What the statements of the file have built up so far.
+/// The result of the statements read so far.
 struct ObjState {
     std::vector<Vec3f> positions, normals; // as numbered by the file
     std::vector<Vec2f> uvs;

@@ -19,8 +19,7 @@ struct AsciiSource {
 
     [[noreturn]] void fail(const std::string &message) const { lajolla::fail(text, message); }
 
-    /// The bytes left, and how many of them a value takes at least: a digit and a blank (the last needs no
-    /// blank).
+    /// The number of bytes left, and the minimum per value: a digit and a blank (the last needs no blank).
     uint64_t remaining() const { return static_cast<uint64_t>(text.end - text.at) + 1; }
     uint64_t least_size(PlyType) const { return 2; }
 
@@ -83,12 +82,12 @@ struct BinarySource {
     }
 };
 
-/// What an sRGB value stands for (IEC 61966-2-1).
+/// The linear value of an sRGB value (IEC 61966-2-1).
 float linear(double srgb) {
     return static_cast<float>(srgb <= 0.04045 ? srgb / 12.92 : std::pow((srgb + 0.055) / 1.055, 2.4));
 }
 
-/// Some properties of an element that belong together, and what the rows read so far hold for them.
+/// Properties of an element that form one field, and their values in the rows read so far.
 struct Field {
     std::string name;
     std::vector<size_t> properties; // positions in the element's list
@@ -235,7 +234,7 @@ MeshData::Attribute to_attribute(Field &field, bool per_face) {
     return {field.name, static_cast<int>(field.properties.size()), per_face, std::move(field.values)};
 }
 
-/// Where the values of a field of the vertices go.
+/// The destination of a vertex field's values.
 float *make_room(Field &field, size_t count, MeshData &mesh) {
     auto resized = [&](auto &elements, size_t size) {
         elements.resize(size);

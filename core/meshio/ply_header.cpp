@@ -17,7 +17,7 @@ struct TypeEntry {
     double largest;
 };
 
-/// In the order of `PlyType`. The names in the last column are those that Mitsuba 3 knows in addition.
+/// In the order of `PlyType`. The last column contains Mitsuba 3's additional names.
 constexpr std::array<TypeEntry, 11> types{{
     {"char", "int8", "", 1, 0x7f},
     {"uchar", "uint8", "", 1, 0xff},

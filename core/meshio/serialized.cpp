@@ -56,8 +56,8 @@ uint16_t read_version(std::span<const std::byte> file, size_t offset) {
     return version;
 }
 
-/// Where a mesh starts, from the dictionary at the end of the file: an offset per mesh (32 bits in version 3,
-/// 64 bits in version 4) and their number.
+/// The offset of a mesh, from the dictionary at the end of the file: an offset per mesh (32 bits in version
+/// 3, 64 bits in version 4) and their number.
 size_t find_shape(std::span<const std::byte> file, int shape_index) {
     uint16_t version = read_version(file, 0);
     if (shape_index == 0) return 0;
@@ -134,7 +134,7 @@ public:
     }
 
 private:
-    /// One call of zlib; takes what it wrote off `out`. Returns Z_OK or Z_STREAM_END.
+    /// One call of zlib; advances `out` past the written bytes. Returns Z_OK or Z_STREAM_END.
     int inflate_some(std::span<std::byte> &out) {
         auto in_size = static_cast<uInt>(std::min<size_t>(input.size(), 1 << 30));
         auto out_size = static_cast<uInt>(std::min<size_t>(out.size(), 1 << 30));

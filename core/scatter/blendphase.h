@@ -4,7 +4,7 @@
 
 namespace lajolla {
 
-// Has no lobe of its own: prepare() in phases.h puts those of its parts side by side.
+// Has no lobe of its own: prepare() in phases.h collects the lobes of its components.
 struct BlendPhase {
     static constexpr const char *name = "blendphase";
     static constexpr const char *doc = "A mixture of two phase functions.";
@@ -13,7 +13,7 @@ struct BlendPhase {
 
     static constexpr auto fields() {
         return std::tuple(
-            field("weight", &BlendPhase::weight, "share of the second phase function").range(0, 1),
+            field("weight", &BlendPhase::weight, "weight of the second phase function").range(0, 1),
             field("phase_0", &BlendPhase::phase_0, "the first one"),
             field("phase_1", &BlendPhase::phase_1, "the second one"));
     }

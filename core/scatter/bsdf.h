@@ -2,15 +2,15 @@
 // The BSDF contract.
 //
 // A *model* is the stored declaration with its fields. `prepare<Float>(read)` reads its textures at one hit,
-// or at those of all lanes, through `read(texture) -> value`, and gives a *lobe*: a small value that answers
-// eval() and sample(). Lobes are templates over the number type (base/wide.h): what differs between lanes is
-// a Float, what belongs to the model is a plain number or pointer. A model may also have a plain `Lobe` and
-// `prepare(read)`; it is then run lane by lane.
+// or at those of all lanes, with `read(texture) -> value`, and returns a *lobe*: a small value with eval()
+// and sample(). Lobes are templates over the number type (base/wide.h): values that differ between lanes are
+// Float, those of the model are plain numbers or pointers. A model may also have a plain `Lobe` and
+// `prepare(read)`; it is then evaluated one lane at a time.
 //
-// Directions are in the local frame (n = +z) and point away from the surface; `wo` is the known side, `wi`
-// the generated side. Lobes that are not `transmissive` see wo.z > 0 only, but in lanes that are off. eval()
-// is joint: the value times |cos wi| and the density per solid angle; both vanish for delta lobes. The
-// density of the reverse direction is eval(wi, wo).pdf.
+// Directions are in the local frame (n = +z) and point away from the surface; `wo` is given, `wi` is sampled.
+// Lobes that are not `transmissive` are called with wo.z > 0 only, except in inactive lanes. eval() returns
+// the value times |cos wi| and the density per solid angle; both are zero for delta lobes. The density of the
+// reverse direction is eval(wi, wo).pdf.
 //
 // Lobes do not contain the eta^2 that radiance gains at a refracting boundary: transport applies it once.
 
@@ -35,22 +35,21 @@ struct BsdfEval {
 
 template <class Float>
 struct BsdfSample {
-    BoolOf<Float> valid = false; // else there is no sample: the rest is meaningless
+    BoolOf<Float> valid = false; // if false, there is no sample, and the rest is undefined
     Vec3<Float> wi;
     Rgb<Float> weight; // f_cos / pdf
     Float pdf = 0;     // per solid angle; of delta samples the discrete probability of the branch
     Float eta = 1; // index of refraction beyond the boundary relative to that of wo's side; 1 for reflection
     BoolOf<Float> delta = false; // a single direction
-    Float width = 1; // how much the bounce widens a ray's footprint: 0 as a mirror, 1 as a diffuse surface
+    Float width = 1;             // widening of the ray's footprint: 0 for a mirror, 1 for a diffuse surface
 };
 
-// Light that passes straight through, as if nothing were there. Lobes with such a part have
-// `null_transmission(wo)`; their sample() takes that part for the last `probability` of u_lobe, so that
-// transport may decide beforehand.
+// Light that passes straight through a surface. Lobes with such a component have `null_transmission(wo)`;
+// their sample() selects it if u_lobe >= 1 - probability, so that transport can decide in advance.
 template <class Float>
 struct NullTransmission {
-    Rgb<Float> transmittance{0}; // how much of the light
-    Float probability = 0;       // of a path doing so; 0 only where no light does
+    Rgb<Float> transmittance{0}; // fraction of the light
+    Float probability = 0;       // that a path passes; 0 only if transmittance is 0
 };
 
 template <class Float>
@@ -64,17 +63,17 @@ BsdfSample<Float> select(BoolOf<Float> m, const BsdfSample<Float> &a, const Bsdf
             select(m, a.width, b.width)};
 }
 
-// What transport must know of a model before any of its lobes is made.
+// Properties of a model that transport needs before it prepares a lobe.
 struct BsdfTraits {
-    bool transmissive = false;      // light passes through: wo.z < 0 is meaningful
-    bool delta = false;             // eval() is zero everywhere: light sampling is of no use
-    bool anisotropic = false;       // it matters where the tangent points
-    bool lambertian = false;        // f is a constant
-    bool null_transmission = false; // its lobes have null_transmission()
-    const Texture<Spectrum> *diffuse_colour = nullptr; // what stands for the colour of its diffuse part
+    bool transmissive = false;                         // light passes through: wo.z < 0 is valid
+    bool delta = false;                                // eval() is zero everywhere: light sampling is useless
+    bool anisotropic = false;                          // depends on the direction of the tangent
+    bool lambertian = false;                           // f is a constant
+    bool null_transmission = false;                    // its lobes have null_transmission()
+    const Texture<Spectrum> *diffuse_colour = nullptr; // for the albedo channel
 };
 
-// A texture reader as transport has it.
+// The texture reader that transport passes.
 template <class Float>
 struct AnyReader {
     Rgb<Float> operator()(const Texture<Spectrum> &) const;
@@ -84,7 +83,7 @@ struct AnyReader {
 // A model whose lobes are templates over the number type.
 template <class Model>
 concept IsWide = requires(const Model &model) { model.template prepare<WideFloat>(AnyReader<WideFloat>()); };
-// Whether all models of a variant are.
+// The same for all models of a variant.
 template <class>
 inline constexpr bool are_wide = false;
 template <class... Model>
@@ -104,7 +103,7 @@ concept IsLobe = std::is_trivially_destructible_v<Lobe> &&
                  requires(const Lobe &lobe, Vec3<Float> w, Float u, Vec2<Float> uv) {
                      { lobe.eval(w, w) } -> std::same_as<BsdfEval<Float>>;
                      { lobe.sample(w, u, uv) } -> std::same_as<BsdfSample<Float>>;
-                     // In [0,1], of its widest part: 1 where there is a diffuse one.
+                     // In [0, 1], of the widest component: 1 if there is a diffuse one.
                      { lobe.roughness() } -> std::convertible_to<Float>;
                  };
 

@@ -31,14 +31,14 @@
 
 namespace lajolla {
 
-// Those that stand by themselves.
+// Models without a base.
 using BareBsdf = std::variant<Diffuse, Dielectric, ThinDielectric, RoughDielectric, Conductor, RoughConductor,
                               Plastic, RoughPlastic, Principled, PrincipledThin, DisneyBsdf, DisneyDiffuse,
                               DisneyMetal, DisneyGlass, DisneyClearcoat, DisneySheen, RoughDiffuse,
                               DiffuseTransmitter, Phong, Ward, Hair, Measured, Null>;
 
 namespace detail {
-// The variant of the lobes, each of them once: models may share one.
+// The variant of the lobes, without duplicates: models may share one.
 template <class Variant, class... Lobes>
 struct Distinct {
     using type = Variant;
@@ -74,8 +74,8 @@ using Bsdf = detail::With<BareBsdf, Coating>::type;
 using Lobe = detail::With<BareLobe<float>, Coating::Lobe<float>>::type;
 static_assert(IsBsdf<Coating> && sizeof(Coating::Lobe<float>) <= 176);
 
-// These three are flattened, and take directions by reference: passing three floats by value through a call
-// that is not inlined costs a store-forwarding stall each.
+// These three are flattened, and take directions by reference: passing three floats by value to a function
+// that is not inlined causes a store-forwarding stall each.
 template <class Read>
 [[gnu::flatten]] Lobe prepare(const Bsdf &bsdf, const Read &read) {
     return match(bsdf, [&](const auto &model) -> Lobe { return prepare_lobe<float>(model, read); });
@@ -90,7 +90,7 @@ template <class Read>
 inline float roughness(const Lobe &lobe) {
     return match(lobe, [](const auto &l) -> float { return l.roughness(); });
 }
-// What passes straight through: of most lobes nothing.
+// The null transmission of a lobe, zero for most.
 inline NullTransmission<float> null_transmission(const Lobe &lobe, const Vec3f &wo) {
     return match(lobe, [&](const auto &l) -> NullTransmission<float> {
         if constexpr (requires { l.null_transmission(wo); }) return l.null_transmission(wo);

@@ -9,10 +9,9 @@
 
 namespace lajolla {
 
-// A clear or absorbing layer on a base, as Mitsuba 0.6 has it, after Weidlich and Wilkie 2007, "Arbitrarily
-// Layered Micro-Facet Surfaces": light refracts on its way in and out as at a smooth boundary, and what is
-// reflected back down within the layer is lost. `Base` is a variant of models, `BaseLobe` that of their
-// lobes.
+// A clear or absorbing layer on a base, as in Mitsuba 0.6, after Weidlich and Wilkie 2007, "Arbitrarily
+// Layered Micro-Facet Surfaces": light refracts on its way in and out as at a smooth boundary, and internal
+// reflection in the layer is lost. `Base` is a variant of models, `BaseLobe` that of their lobes.
 template <class Base, template <class> class BaseLobe>
 struct CoatingOf {
     static constexpr const char *name = "coating";
@@ -48,10 +47,10 @@ struct CoatingOf {
     struct Lobe {
         Microfacet<Float> surface;
         float eta;
-        const CosineTable *entering; // fraction of light that a rough layer lets through; none: it is smooth
+        const CosineTable *entering; // fraction of light that a rough layer transmits; null: it is smooth
         Rgb<Float> absorption;       // over the layer's thickness
         Rgb<Float> reflectance;      // tint of the layer
-        Float specular_weight;       // in [0, 1], for the choice between layer and base
+        Float specular_weight;       // in [0, 1], for the selection of layer or base
         BaseLobe<Float> base;
 
         Float roughness() const {
@@ -94,10 +93,10 @@ struct CoatingOf {
         }
 
     private:
-        // A direction outside, and what becomes of light that enters along it.
+        // The refraction of a direction into the layer.
         struct Side {
             Vec3<Float> inner; // z = 0 under total reflection
-            Float through;     // fraction
+            Float through;     // fraction transmitted
         };
 
         Side side(const Vec3<Float> &w) const {
@@ -121,8 +120,8 @@ struct CoatingOf {
             const Float p = select(above + below > 0.0f, above / (above + below), Float(1));
             return select(is_black(reflectance), Float(0), p);
         }
-        // What is left of u_lobe for the base. It is 0 for samples of the layer: models choose their mirror
-        // by small numbers, and a smooth layer has the same mirror image.
+        // The rest of u_lobe for the base. It is 0 for samples of the layer: models select their mirror for
+        // small numbers, and a smooth layer reflects in the same direction.
         static Float rest(Float u_lobe, Float p) {
             return clamp((u_lobe - p) / (1 - p), 0.0f, one_minus_ulp);
         }
@@ -142,7 +141,7 @@ struct CoatingOf {
             result.pdf += select(passes, below.pdf * (1 - p) * compression, Float(0));
             return result;
         }
-        // The mirror image in a base, where that is a mirror, together with that in a smooth layer.
+        // The reflection of a mirror as base, together with that of a smooth layer.
         BsdfSample<Float> mirror_image(const Vec3<Float> &wo, const Side &o, Float p,
                                        const BsdfSample<Float> &below, BoolOf<Float> is_mirror) const {
             Rgb<Float> value = select(is_mirror, below.weight * passed(o, o) * below.pdf, {});
@@ -153,7 +152,7 @@ struct CoatingOf {
             }
             return {wo.z > 0.0f, {-wo.x, -wo.y, wo.z}, value / chosen, chosen, 1, true, 0};
         }
-        // Not inlined: the code of all models once more would be large.
+        // Not inlined, because another copy of the code of all models would be large.
         [[gnu::noinline]] BsdfEval<Float> eval_base(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
             return match(base, [&](const auto &lobe) { return lobe.eval(wo, wi); });
         }

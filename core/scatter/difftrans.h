@@ -12,7 +12,7 @@ struct DiffuseTransmitter {
 
     static constexpr auto fields() {
         return std::tuple(
-            field("transmittance", &DiffuseTransmitter::transmittance, "fraction of light let through")
+            field("transmittance", &DiffuseTransmitter::transmittance, "fraction of light transmitted")
                 .range(0, 1));
     }
     BsdfTraits traits() const { return {.transmissive = true}; }

@@ -1,7 +1,7 @@
 #pragma once
-// What the models of the Disney family share (Burley 2012, "Physically Based Shading at Disney"; Burley 2015,
-// "Extending the Disney BRDF to a BSDF with Integrated Subsurface Scattering"). Where the course notes leave
-// a choice, the renderers that took them up differ; those differences are in the models.
+// Functions shared by Disney's models (Burley 2012, "Physically Based Shading at Disney"; Burley 2015,
+// "Extending the Disney BRDF to a BSDF with Integrated Subsurface Scattering"). Renderers interpret these
+// notes differently; the differences are in the models.
 
 #include <memory>
 
@@ -11,7 +11,7 @@
 
 namespace lajolla::disney {
 
-// Schlick 1994: what grazing angles add to the reflectance f0 at normal incidence, f0 + (1 - f0) weight.
+// The weight in Schlick's approximation (1994): F = f0 + (1 - f0) weight, f0 at normal incidence.
 template <class Float>
 Float schlick_weight(Float cosine) {
     const Float m = clamp(1 - cosine, 0.0f, 1.0f);
@@ -21,8 +21,8 @@ template <class Float>
 Rgb<Float> schlick(const Rgb<Float> &f0, Float weight) {
     return f0 * (1 - weight) + Rgb<Float>(weight);
 }
-// Its mean over a cosine-weighted hemisphere, where the mean weight is 1/21, and at most one: colours may be
-// more, and the series of bounces between facets that reflect more than one has no sum.
+// The mean of F over a cosine-weighted hemisphere, where the mean weight is 1/21. At most one: colours may
+// exceed it, and the series of bounces between facets would diverge.
 template <class Float>
 Rgb<Float> schlick_mean(const Rgb<Float> &f0, const Rgb<Float> &f90 = Rgb<Float>(1)) {
     return min(f0 * (20.0f / 21) + f90 * (1.0f / 21), Rgb<Float>(1));
@@ -34,7 +34,7 @@ Float reflectance_of_index(Float eta) {
     return sqr((eta - 1) / (eta + 1));
 }
 
-// What textures hold need not be a colour or a fraction. NaN is taken for 0, the first operand of max.
+// Textures may contain values that are not colours or fractions. NaN becomes 0, the first operand of max.
 template <class Float>
 Rgb<Float> colour(const Rgb<Float> &s) {
     return max(Rgb<Float>(0), s);
@@ -44,7 +44,7 @@ Float fraction(Float x) {
     return clamp_number(x, 0.0f, 1.0f);
 }
 
-// The normal halfway between two directions, and its cosine with either.
+// The half vector of two directions, and its cosine with either.
 template <class Float>
 struct Halfway {
     Vec3<Float> m;
@@ -84,7 +84,7 @@ Microfacet<Float> microfacets(Float roughness, std::type_identity_t<Float> aniso
             max(alpha * aspect, Float(least_alpha))};
 }
 
-// What such a surface loses where its facets reflect everything.
+// The energy loss of such a surface if its facets reflect all light.
 inline std::shared_ptr<const LostLight>
 lost_by_reflection(const Texture<float> &roughness, const Texture<float> &anisotropic, float least_alpha) {
     return lajolla::lost_by_reflection(
@@ -106,7 +106,7 @@ Float diffuse(Float cos_o, Float cos_i, Float cos_d, Float roughness, Float flat
     return lerp(flatness, retro, flat);
 }
 
-// About what sheen scatters altogether, (1 - cos_d)^5 cos_i over the hemisphere: it steers choices only.
+// The approximate albedo of sheen, (1 - cos_d)^5 cos_i over the hemisphere; used only to select lobes.
 template <class Float>
 Float sheen_albedo(Float cos_o) {
     return 0.1f * sqr(1.05f - cos_o);
@@ -126,7 +126,7 @@ public:
         const Float alpha2 = sqr(alpha_), sin2 = m.x * m.x + m.y * m.y;
         return (alpha2 - 1) * inv_pi / (log(alpha2) * (sin2 + alpha2 * m.z * m.z));
     }
-    // With density density(m) cos(theta_m). The sine is what is exact near the normal.
+    // With density density(m) cos(theta_m). Computes the sine, which is exact near the normal.
     Vec3<Float> sample(const Vec2<Float> &u) const {
         const Float alpha2 = sqr(alpha_);
         const Float sin2 = min(alpha2 * expm1(-u.x * log(alpha2)) / (1 - alpha2), Float(1));

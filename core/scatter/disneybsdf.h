@@ -5,7 +5,7 @@
 namespace lajolla {
 
 // Burley's model as lajolla's course defines it (Li, "CSE 272", UC San Diego, homework 1): no thin surfaces,
-// no subsurface transport, sheen in reflection only, and nothing but glass inside.
+// no subsurface transport, sheen in reflection only, and only glass inside.
 struct DisneyBsdf {
     static constexpr const char *name = "disneybsdf";
     static constexpr const char *doc =
@@ -22,7 +22,8 @@ struct DisneyBsdf {
             field("specular_transmission", &DisneyBsdf::specular_transmission, "0 is opaque, 1 is glass")
                 .range(0, 1),
             field("metallic", &DisneyBsdf::metallic, "0 is a dielectric, 1 is a metal").range(0, 1),
-            field("subsurface", &DisneyBsdf::subsurface, "flatter, as if light spread under the surface")
+            field("subsurface", &DisneyBsdf::subsurface,
+                  "flattened shape that approximates subsurface scattering")
                 .range(0, 1),
             field("specular", &DisneyBsdf::specular, "strength of an opaque dielectric's reflection")
                 .range(0, 1),
@@ -42,7 +43,7 @@ struct DisneyBsdf {
             field("eta", &DisneyBsdf::eta, "index of refraction inside, relative to outside")
                 .range(least_index, largest_index),
             field("multiscatter", &DisneyBsdf::multiscatter,
-                  "give back the light that bounces between microfacets and is reflected"));
+                  "compensate the energy lost by single scattering in reflection"));
     }
 
     struct Rules {

@@ -16,7 +16,8 @@ struct DisneyDiffuse {
             field("base_color", &DisneyDiffuse::base_color, "fraction of light reflected").range(0, 1),
             field("roughness", &DisneyDiffuse::roughness, "also controls retroreflection at grazing angles")
                 .range(0, 1),
-            field("subsurface", &DisneyDiffuse::subsurface, "flatter, as if light spread under the surface")
+            field("subsurface", &DisneyDiffuse::subsurface,
+                  "flattened shape that approximates subsurface scattering")
                 .range(0, 1));
     }
 

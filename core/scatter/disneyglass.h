@@ -25,7 +25,7 @@ struct DisneyGlass {
             field("eta", &DisneyGlass::eta, "index of refraction inside, relative to outside")
                 .range(least_index, largest_index),
             field("multiscatter", &DisneyGlass::multiscatter,
-                  "give back the light that bounces between microfacets, where anisotropic is 0"));
+                  "compensate the energy lost by single scattering; needs anisotropic 0"));
     }
 
     BsdfTraits traits() const {

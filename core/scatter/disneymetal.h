@@ -20,7 +20,7 @@ struct DisneyMetal {
             field("anisotropic", &DisneyMetal::anisotropic, "stretches highlights along the tangent")
                 .range(0, 1),
             field("multiscatter", &DisneyMetal::multiscatter,
-                  "give back the light that bounces between microfacets"));
+                  "compensate the energy lost by single scattering"));
     }
 
     BsdfTraits traits() const {

@@ -15,7 +15,7 @@ struct DielectricSplit {
     Float cos_t; // of the refracted direction, positive; 0 under total internal reflection
 };
 
-// eta is the index of refraction beyond the boundary relative to that on this side.
+// eta = n_transmitted / n_incident.
 template <class Float>
 DielectricSplit<Float> fresnel_dielectric(Float cos_i, std::type_identity_t<Float> eta) {
     const Float cos2_t = 1 - (1 - cos_i * cos_i) / (eta * eta), cos_t = sqrt(cos2_t);
@@ -25,8 +25,8 @@ DielectricSplit<Float> fresnel_dielectric(Float cos_i, std::type_identity_t<Floa
     return {select(refracts, (r_s * r_s + r_p * r_p) / 2, Float(1)), select(refracts, cos_t, Float(0))};
 }
 
-// The direction of transmission for w arriving around m, where dot(w, m) = cos_i > 0. Normalized: at small
-// eta it is a difference of long vectors.
+// The direction into which w refracts at the normal m, where dot(w, m) = cos_i > 0. Normalized, because at
+// small eta it is a difference of long vectors.
 template <class Float>
 Vec3<Float> refract(Vec3<Float> w, Vec3<Float> m, std::type_identity_t<Float> cos_i,
                     std::type_identity_t<Float> cos_t, std::type_identity_t<Float> eta) {
@@ -34,8 +34,8 @@ Vec3<Float> refract(Vec3<Float> w, Vec3<Float> m, std::type_identity_t<Float> co
     return normalize(m * (cos_i * inv_eta - cos_t) - w * inv_eta);
 }
 
-// A metal of complex index eta + i k, seen from vacuum (Born and Wolf, "Principles of Optics", 14.2; in the
-// terms a, b of the complex root sqrt((eta + i k)^2 - sin^2) = a + i b).
+// A metal with complex index eta + i k in vacuum (Born and Wolf, "Principles of Optics", 14.2, with
+// a + i b = sqrt((eta + i k)^2 - sin^2)).
 template <class Float>
 Float fresnel_conductor(Float cos_i, std::type_identity_t<Float> eta, std::type_identity_t<Float> k) {
     const Float cos2 = cos_i * cos_i, sin2 = max(1 - cos2, Float(0));
@@ -46,7 +46,7 @@ Float fresnel_conductor(Float cos_i, std::type_identity_t<Float> eta, std::type_
 
     const Float s_sum = a2_b2 + cos2, s_difference = 2 * cos_i * a;
     const Float p_sum = a2_b2 * cos2 + sin2 * sin2, p_difference = s_difference * sin2;
-    const auto ratio = [](Float sum, Float difference) { // 0/0 where there is no interface: eta = 1, k = 0
+    const auto ratio = [](Float sum, Float difference) { // 0/0 if eta = 1 and k = 0
         return max(sum - difference, Float(0)) /
                max(sum + difference, Float(std::numeric_limits<float>::min()));
     };
@@ -68,11 +68,11 @@ Rgb<Float> fresnel_conductor_mean(Rgb<Float> eta, Rgb<Float> k) {
            fresnel_conductor(Float(0.9114120405f), eta, k) * 0.4018638274f;
 }
 
-// What a boundary lets through of light from everywhere: 1 minus the mean of fresnel_dielectric over a
+// The transmittance T of a boundary for diffuse light: 1 minus the mean of fresnel_dielectric over a
 // cosine-weighted hemisphere. Fits of d'Eon and Irving 2011 for eta >= 1 (within 0.06 %) and of Egan and
-// Hilgeman 1973 for eta in [0.5, 1) (within 0.6 %); beyond 5, where those leave the truth, a rational
-// function of our own (within 0.2 %), and below 0.5 reciprocity, T(eta) = eta^2 T(1 / eta). T itself is
-// fitted: 1 - T has no digits of it left where the indices differ much.
+// Hilgeman 1973 for eta in [0.5, 1) (within 0.6 %). For eta > 5, where those are inaccurate, a rational
+// function of our own (within 0.2 %); for eta < 0.5 reciprocity, T(eta) = eta^2 T(1 / eta). T itself is
+// fitted, because a fit of 1 - T would lose its digits for large ratios.
 template <class Float>
 constexpr Float fresnel_diffuse_transmittance(Float eta) {
     const Float r = 1 / eta, less = min(eta, r);
@@ -85,10 +85,10 @@ constexpr Float fresnel_diffuse_transmittance(Float eta) {
     return select(eta >= 1.0f, from_outside, from_inside);
 }
 
-// Indices of refraction that models take, and their ratios.
+// The range of indices of refraction and of their ratios.
 inline constexpr float least_index = 1e-3f, largest_index = 1e3f;
 
-// Throws std::invalid_argument where there is no such pair of dielectrics.
+// Throws std::invalid_argument if the indices or their ratio are out of range.
 inline void check_indices(float int_ior, float ext_ior) {
     const float eta = int_ior / ext_ior;
     if (!(eta >= least_index && eta <= largest_index))
@@ -96,7 +96,7 @@ inline void check_indices(float int_ior, float ext_ior) {
                                     std::to_string(int_ior) + " and " + std::to_string(ext_ior));
 }
 
-// The index of a rough boundary that refracts enough for the facet's normal to be computed from both
+// The relative index of a rough boundary, kept away from 1 so that the facet's normal follows from both
 // directions.
 inline float bending_index(float eta) {
     if (abs(eta - 1) >= 1e-3f) return eta;

@@ -1,6 +1,5 @@
 #pragma once
-// Reflection by a diffuse base and a glossy lobe that know nothing of each other, as models of the eighties
-// and nineties put them together.
+// The sum of a diffuse and a glossy lobe without interaction, as in models of the 1980s and 1990s.
 
 #include "base/warp.h"
 #include "scatter/bsdf.h"
@@ -14,11 +13,11 @@ struct GlossValue {
 
 // A Gloss has
 //   eval(wo, wi)    its value times |cos wi| for a colour of one, and its density
-//   sample(wo, u)   a direction, perhaps below the surface
-//   roughness()     as a lobe has
+//   sample(wo, u)   a direction, possibly below the surface
+//   roughness()     as for lobes
 template <class Float, class Gloss>
 struct GlossyAndDiffuse {
-    // Colours that exceed one together are scaled down, as in Mitsuba 0.6.
+    // Colours whose sum exceeds one are scaled down, similar to Mitsuba 0.6.
     GlossyAndDiffuse(const Gloss &gloss_, const Rgb<Float> &diffuse_, const Rgb<Float> &specular_)
         : gloss(gloss_), diffuse(diffuse_), specular(specular_) {
         const Float scale = 1 / max(max_component(diffuse + specular), Float(1));
@@ -53,7 +52,7 @@ struct GlossyAndDiffuse {
 
     Gloss gloss;
     Rgb<Float> diffuse, specular;
-    Float p_gloss; // of choosing the glossy lobe
+    Float p_gloss; // probability of the glossy lobe
 };
 
 } // namespace lajolla

@@ -24,9 +24,9 @@ Float bessel_i0_scaled(Float x) {
 } // namespace detail
 
 // Chiang et al. 2016, "A Practical and Controllable Hair and Fur Model for Production Path Tracing", in the
-// form of Pharr 2016, "The Implementation of a Hair Scattering Model". The fibre runs along y, and where it
-// is hit follows from the angle between the normal z and the direction: one event stands for the whole way
-// through the fibre.
+// form of Pharr 2016, "The Implementation of a Hair Scattering Model". The fibre is along y. The angle
+// between the normal z and the direction determines where the fibre is hit. One event represents all
+// scattering in the fibre.
 struct Hair {
     static constexpr const char *name = "hair";
     static constexpr const char *doc = "A fibre of hair or fur, on curves.";
@@ -56,7 +56,7 @@ struct Hair {
     }
     BsdfTraits traits() const { return {.transmissive = true, .anisotropic = true}; }
 
-    // What all hits of a model share.
+    // Values shared by all hits of a model.
     struct Fibre {
         float eta = 1.55f;
         std::array<float, 4> variance{}; // of the longitudinal lobes
@@ -101,7 +101,7 @@ struct Hair {
         // (cos, sin) of the angle between a direction and the plane across the fibre.
         static Vec2<Float> longitude(const Vec3<Float> &w) { return {sqrt(w.x * w.x + w.z * w.z), w.y}; }
 
-        // What depends on wo alone.
+        // Values that depend on wo only.
         struct Outgoing {
             Vec2<Float> theta;      // longitude
             Float phi;              // azimuth, from x to z
@@ -129,11 +129,11 @@ struct Hair {
                 for (Float &p : probability) p /= max(sum, Float(1e-30f));
             }
 
-            // By how much the azimuth of a ray that meets no roughness changes.
+            // The change of the azimuth of a ray in a smooth fibre.
             Float exit(std::size_t p) const {
                 return static_cast<float>(p) * (2 * gamma_t + pi) - 2 * gamma_o;
             }
-            // The longitude as scales turn it.
+            // The longitude, tilted by the scales.
             Vec2<Float> tilted(std::size_t p, const Fibre &fibre) const {
                 if (p == 3) return theta;
                 const auto [c, s] = fibre.tilts[p];
@@ -141,9 +141,9 @@ struct Hair {
             }
         };
 
-        // The lobe that a number chooses.
+        // The lobe that a random number selects.
         struct Chosen {
-            Float rest; // of the number
+            Float rest; // of the number: uniform again
             Float probability, variance, exit;
             Vec2<Float> from;             // tilted longitude
             BoolOf<Float> is_last = true; // of all segments inside the fibre from the third on

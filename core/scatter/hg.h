@@ -19,8 +19,8 @@ struct HenyeyGreenstein {
     struct Lobe {
         float g;
 
-        // (1 - g^2) / (4 pi (1 + g^2 - 2 g cos)^(3/2)), about the axis to which g points: there
-        // 1 + g^2 - 2 g cos = (1 - g)^2 + 2 g (1 - cos) loses no digits.
+        // (1 - g^2) / (4 pi (1 + g^2 - 2 g cos)^(3/2)), around the axis to which g points, where
+        // 1 + g^2 - 2 g cos = (1 - g)^2 + 2 g (1 - cos) has no cancellation.
         float eval(Vec3f wo, Vec3f wi) const {
             const float a = std::abs(g), h = deflection(g > 0 ? wo : -wo, wi);
             const float d = sqr(1 - a) + 2 * a * h;

@@ -1,8 +1,8 @@
 #pragma once
 // Materials measured by a goniophotometer, in the parameterisation of Dupuy and Jakob 2018, "An Adaptive
 // Parameterization for Efficient Material Acquisition and Rendering": for each direction of the light, the
-// unit square is warped to half vectors as a microfacet surface would reflect them, and what was measured is
-// stored over the square before the warp.
+// unit square is warped to the half vectors of a microfacet surface, and measurements are stored over the
+// square before the warp.
 
 #include <memory>
 #include <stdexcept>
@@ -13,7 +13,7 @@
 
 namespace lajolla {
 
-// Tables as the files have them. The x axis of squares is sqrt(2 theta / pi), the y axis (phi + pi) / (2 pi).
+// The tables of files. The x axis of squares is sqrt(2 theta / pi), the y axis (phi + pi) / (2 pi).
 struct MeasuredTables {
     struct Square {
         SquareGrid grid;
@@ -21,14 +21,14 @@ struct MeasuredTables {
     };
     std::vector<float> phi, theta; // of the known direction; slices: theta runs first
     Square ndf, sigma;             // density of normals; projected area, by direction
-    Square vndf, luminance;        // of visible normals; of what was measured
-    Square colour;                 // three numbers a node
+    Square vndf, luminance;        // density of visible normals; luminance of the measurement
+    Square colour;                 // three numbers per node
     bool jacobian = true;          // whether the colours are relative to the microfacet model
 };
 
 class Measurement {
 public:
-    explicit Measurement(MeasuredTables tables) // throws std::invalid_argument where they do not fit together
+    explicit Measurement(MeasuredTables tables) // throws std::invalid_argument if they do not match
         : tables_((check(tables), std::move(tables))), isotropic_(tables_.phi.size() <= 2),
           fold_(isotropic_ ? 1 : std::lround(2 * pi / (tables_.phi.back() - tables_.phi.front()))),
           roughness_(roughness_of(tables_.ndf)), vndf_(std::move(tables_.vndf.nodes), tables_.vndf.grid),
@@ -49,7 +49,7 @@ public:
                 visible * luminance_.density(s, blend) / max(jacobian, Float(1e-15f))};
     }
 
-    // A direction, perhaps below the surface.
+    // A direction, possibly below the surface.
     template <class Float>
     Vec3<Float> sample(const Vec3<Float> &given_wo, const Vec2<Float> &u) const {
         const Vec2<Float> signs = folding(given_wo);
@@ -62,7 +62,7 @@ public:
     }
 
 private:
-    MeasuredTables tables_; // without the nodes of those two that are warps
+    MeasuredTables tables_; // without the nodes of the two warps
     bool isotropic_;
     long fold_; // 2: half of all azimuths were measured, by symmetry; 4: a quarter
     float roughness_;
@@ -83,7 +83,7 @@ private:
         return {sqrt(elevation(w) * (2 * inv_pi)), y - floor(y)};
     }
 
-    // The signs with which x and y are multiplied so that wo is where it was measured.
+    // The signs by which x and y are multiplied so that wo is in the measured range.
     template <class Float>
     Vec2<Float> folding(const Vec3<Float> &wo) const {
         const auto towards_negative = [](Float v) { return select(as_int(v) < 0, Float(1), Float(-1)); };
@@ -120,7 +120,7 @@ private:
         return blend.mix([&](IntOf<Float> slice) { return tables_.colour.grid.value(cell, slice, node); });
     }
 
-    // The microfacet model without Fresnel's factor and shadowing, by which measurements were divided.
+    // The microfacet model without Fresnel term and shadowing, by which measurements are divided.
     template <class Float>
     Float microfacets(const Vec2<Float> &m, const Vec3<Float> &wo) const {
         const auto value = [](const MeasuredTables::Square &table, const Vec2<Float> &p) {
@@ -147,7 +147,7 @@ inline void Measurement::check(const MeasuredTables &t) {
                    height = static_cast<std::size_t>(table.grid.height);
         if (width < 2 || height < 2 || table.nodes.size() != slices * width * height)
             throw std::invalid_argument(std::string("\"") + name + "\" has an unexpected shape");
-        if (table.nodes.size() >= 1u << 31) // lanes count in 32 bits
+        if (table.nodes.size() >= 1u << 31) // lanes have 32-bit integers
             throw std::invalid_argument(std::string("\"") + name + "\" has too many nodes");
     };
     require(t.ndf, 1, "ndf");

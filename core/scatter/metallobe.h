@@ -1,5 +1,5 @@
 #pragma once
-// Rough metals: microfacets that reflect by some Fresnel term, `reflectance(cos)`, and what they lose.
+// Rough metals: microfacets with a Fresnel term `reflectance(cos)`, and compensation of their energy loss.
 
 #include "base/warp.h"
 #include "scatter/bsdf.h"
@@ -12,8 +12,8 @@ template <class Float, class Facet>
 struct MetalLobe {
     Microfacet<Float> surface;
     Facet facet;
-    const LostLight *lost = nullptr; // where multiple scattering counts, and then
-    Rgb<Float> regained{0};          // what becomes of the lost light, over its mean
+    const LostLight *lost = nullptr; // for multiple scattering, with
+    Rgb<Float> regained{0};          // the reflected fraction of the lost light, over its mean
 
     Float roughness() const { return surface.roughness(); }
 

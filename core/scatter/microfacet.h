@@ -1,7 +1,6 @@
 #pragma once
-// Rough surfaces as statistics of tiny mirrors: the distribution of their normals and Smith's masking (Walter
-// et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"), with sampling of the visible
-// normals (Heitz and d'Eon 2014).
+// Microfacets: distribution of normals, Smith's masking (Walter et al. 2007, "Microfacet Models for
+// Refraction through Rough Surfaces"), and sampling of visible normals (Heitz and d'Eon 2014).
 
 #include <array>
 
@@ -46,8 +45,8 @@ Float erfc_scaled(Float a) {
     return t * polynomial(t, {1.061405429f, -1.453152027f, 1.421413741f, -0.284496736f, 0.254829592f});
 }
 
-// Twice the area that a Beckmann surface of roughness one shows under the angle theta, over that seen from
-// above.
+// Twice the projected area of a Beckmann surface of roughness one at the angle theta, over that at normal
+// incidence.
 template <class Float>
 Float beckmann_projection(Float cot_theta) {
     const auto flat = cot_theta > 4.0f;
@@ -57,9 +56,9 @@ Float beckmann_projection(Float cot_theta) {
 }
 
 // The slopes, along and across the direction, of a visible normal of a Beckmann surface of roughness one. The
-// slope s along it has the density (1 - s / cot(theta)) exp(-s^2) for s < cot(theta). The linear factor is
-// dealt with by parts: slopes within +-cot(theta) are drawn without it and s > 0 becomes -s with probability
-// s / cot(theta); those below follow the tails of exp(-s^2) and of |s| exp(-s^2).
+// slope s along it has the density (1 - s / cot(theta)) exp(-s^2) for s < cot(theta). It is sampled in parts:
+// |s| < cot(theta) without the linear factor, then s > 0 becomes -s with probability s / cot(theta); lower
+// slopes follow the tails of exp(-s^2) and of |s| exp(-s^2).
 template <class Float>
 Vec2<Float> sample_beckmann_slopes(const Vec2<Float> &u, Float cot_theta) {
     const Float e = select(cot_theta > 4.0f, Float(0), exp(-cot_theta * cot_theta));
@@ -68,13 +67,13 @@ Vec2<Float> sample_beckmann_slopes(const Vec2<Float> &u, Float cot_theta) {
     const Float v = u.x * (inner + tail + rim);
     const auto is_inner = v < inner, is_rim = v >= inner + tail;
 
-    // Of the three parts only the last is no error function, but it needs a logarithm, too.
+    // Two of the three parts invert an error function; the last one needs only a logarithm.
     const Float x = select(is_inner, 2 * v - inner, inner - 2 * v);
     const Float beyond = max((v - inner - tail) / rim, Float(1e-7f));
     const Float w = -log(select(is_rim, beyond, erf_inv_argument(x)));
     const Float along = select(is_rim, -sqrt(cot_theta * cot_theta + w), erf_inv(x, w));
 
-    // In the outer parts nothing is flipped: the slope along is negative already.
+    // In the outer parts the slope is negative already.
     const Float flip = max(along / cot_theta, Float(0)), signed_size = 2 * u.y - 1, size = abs(signed_size);
     const auto flipped = size < flip;
     const Float across =
@@ -106,10 +105,10 @@ public:
         const Float cos2 = clamp((sqr(a) - sqr(alpha_v_)) / difference, 0.0f, 1.0f);
         return {sqrt(cos2), sqrt(1 - cos2)};
     }
-    // For the footprint of a scattered ray.
+    // In [0, 1], for the footprint of a scattered ray.
     Float roughness() const { return min(larger_alpha(), Float(1)); }
 
-    // Density of normals: its integral times cos(theta_m) is one.
+    // Density of normals D(m): the integral of D(m) cos(theta_m) is one.
     Float density(const Vec3<Float> &m) const {
         const Float slope2 = sqr(m.x / alpha_u_) + sqr(m.y / alpha_v_), cos2 = m.z * m.z;
         const Float area = pi * alpha_u_ * alpha_v_;
@@ -117,7 +116,7 @@ public:
         return select(cos2 > 1e-16f, exp(-slope2 / cos2) / (area * cos2 * cos2), Float(0));
     }
 
-    // Smith's G1: the fraction of the normals that face w and are not hidden from it.
+    // Smith's G1: the fraction of the normals facing w that are visible from w.
     Float masking(const Vec3<Float> &w) const {
         const Float sin2_alpha = sqr(alpha_u_ * w.x) + sqr(alpha_v_ * w.y);
         if (kind_ == MicrofacetKind::ggx) return 2 / (1 + sqrt(1 + sin2_alpha / (w.z * w.z)));
@@ -133,7 +132,7 @@ public:
         return stretched(m);
     }
 
-    // Any normal, with the density density(m) cos(theta_m), of a Beckmann surface.
+    // A normal of a Beckmann surface with the density D(m) cos(theta_m).
     Vec3<Float> sample_all(const Vec2<Float> &u) const {
         const Float slope = sqrt(-log(1 - u.x));
         const auto [sine, cosine] = sine_cosine(2 * pi * u.y);
@@ -141,19 +140,19 @@ public:
     }
 
     // The mean of f(m) over the microfacets of normal m that are visible from w, by the midpoint rule with
-    // about n x n nodes. GGX: in the numbers that sample_visible() takes, with more nodes for its tail.
+    // about n x n nodes. GGX: over the random numbers of sample_visible(), with more nodes for its tail.
     // Beckmann: in slopes s, t along and across w, whose density is (cot - s) exp(-s^2 - t^2) for s < cot.
     template <class F>
         requires std::is_same_v<Float, float>
     float mean_over_visible(Vec3f w, int n, const F &f) const;
 
 private:
-    // A direction where the roughness is one, and a normal there taken back.
+    // Transforms a direction to a surface of roughness one, and a normal back.
     Vec3<Float> stretched(const Vec3<Float> &w) const {
         return normalize(Vec3<Float>{alpha_u_ * w.x, alpha_v_ * w.y, w.z});
     }
     // Half vectors of v and of a spherical cap (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with
-    // Spherical Caps"). The height over the cap's rim is exact where 1 - u would cancel.
+    // Spherical Caps"). Computes the height over the cap's rim, because 1 - u would cancel.
     static Vec3<Float> sample_ggx(const Vec3<Float> &v, const Vec2<Float> &u) {
         const Vec3<Float> cap = sample_cone(u, 1 + v.z);
         return {cap.x + v.x, cap.y + v.y, (1 - u.x) * (1 + v.z)};
@@ -162,7 +161,7 @@ private:
         const Float sin_theta = sqrt(v.x * v.x + v.y * v.y);
         return normal_of(v, detail::sample_beckmann_slopes(u, v.z / sin_theta));
     }
-    // Of slopes along and across v, not normalized.
+    // The normal for slopes along and across v, not normalized.
     static Vec3<Float> normal_of(const Vec3<Float> &v, const Vec2<Float> &slope) {
         const Float sin_theta = sqrt(v.x * v.x + v.y * v.y);
         const Vec2<Float> phi =
@@ -178,7 +177,7 @@ template <class Float>
 template <class F>
     requires std::is_same_v<Float, float>
 float Microfacet<Float>::mean_over_visible(Vec3f w, int n, const F &f) const {
-    constexpr float widest = 3.5f; // slope that counts
+    constexpr float widest = 3.5f; // largest slope
     const Vec3f v = stretched(w);
     const float cot = v.z / max(sqrt(v.x * v.x + v.y * v.y), 1e-6f), steepest = min(cot, widest);
     const bool half = w.y == 0; // symmetric across w: half is enough
@@ -207,13 +206,13 @@ float Microfacet<Float>::mean_over_visible(Vec3f w, int n, const F &f) const {
 
 namespace detail {
 
-// Of the light along w on a boundary's microfacet m: what is reflected and transmitted in one bounce.
+// The light along w that a boundary's microfacet m reflects and transmits in one bounce.
 inline float reflected_fraction(const Microfacet<float> &surface, Vec3f w, Vec3f m, float eta) {
     const Vec3f wi = reflect(w, m);
     return wi.z > 0 ? fresnel_dielectric(dot(w, m), eta).reflectance * surface.masking(wi) : 0;
 }
-// From wi to wo, both above a rough boundary: the value times cos(wi), and the density of sampling visible
-// normals.
+// Reflection with wi and wo above a rough boundary: the value times cos(wi), and the density of sampling
+// visible normals.
 template <class Float>
 struct FacetReflection {
     Float value, density;

@@ -1,8 +1,8 @@
 #pragma once
-// The light that bounces more than once between microfacets, which Smith's masking drops, given back as a
-// wide lobe (Kulla and Conty 2017, "Revisiting Physically Based Shading at Imageworks"): with the fraction
-// L(w) of the light along w that single scattering loses, L(wo) L(wi) / (pi mean(L)) scatters exactly that
-// much and is reciprocal.
+// Multiple scattering between microfacets, which single-scattering models lose, as a wide lobe (Kulla and
+// Conty 2017, "Revisiting Physically Based Shading at Imageworks"). If single scattering loses the fraction
+// L(w) of the light along w, the lobe f(wo, wi) = L(wo) L(wi) / (pi mean(L)) is reciprocal and has the albedo
+// L(wo).
 
 #include <memory>
 #include <vector>
@@ -11,16 +11,16 @@
 
 namespace lajolla {
 
-// Directions over a rough surface whose textures are not read yet: the loss is tabulated over the cosine and,
-// in rows, over what else it depends on.
+// The loss of a rough surface, tabulated over the cosine and one more coordinate (rows), because it depends
+// on textures that are not read yet.
 class LostLight {
 public:
-    // loss(surface, w, n) is what light along w loses; means over visible normals take about n x n nodes. Of
-    // a roughness that `varies` the surface given tells no more than the kind.
+    // loss(surface, w, n) is the fraction of light along w that is lost; means over visible normals take
+    // about n x n nodes. If the roughness `varies`, only the distribution of the surface is used.
     template <class Loss>
     LostLight(const Microfacet<float> &given, bool varies, const Loss &loss);
 
-    // The fraction that is lost along w, which is above the surface.
+    // The fraction lost along w, which is above the surface.
     template <class Float>
     Float operator()(const Microfacet<Float> &surface, const Vec3<Float> &w) const {
         const Place<Float> column = place(sqrt(w.z), cosines);
@@ -39,8 +39,8 @@ public:
 
 private:
     // One roughness, isotropic: one row. Anisotropic: a row per azimuth, dense where the roughness along it
-    // is small. Textured: a row per roughness; where that is anisotropic as well the smaller one counts, so
-    // that too much is never given back.
+    // is small. Textured: a row per roughness; if it is anisotropic too, that of the smaller one, so that the
+    // compensation is never too large.
     enum class Rows { single, azimuths, alphas };
     static Rows rows_of(const Microfacet<float> &surface, bool varies) {
         if (varies) return Rows::alphas;
@@ -59,7 +59,7 @@ private:
         }
     };
     template <class Float>
-    static Place<Float> place(Float coordinate, int count) { // coordinates from 0 to 1; NaN is taken for 0
+    static Place<Float> place(Float coordinate, int count) { // coordinates from 0 to 1; NaN becomes 0
         const Float x = clamp_number(coordinate, 0.0f, 1.0f) * to_float(count - 1);
         const IntOf<Float> i = to_int(min(x, Float(to_float(count - 2))));
         return {i, x - to_float(i)};
@@ -75,7 +75,7 @@ private:
 
     Rows rows_;
     std::vector<float> values_; // `cosines` for each row, linear in the root of the cosine
-    std::vector<float> means_;  // of each row; for azimuths one more, that of all
+    std::vector<float> means_;  // of each row; for azimuths also the mean of all
 };
 
 template <class Loss>
@@ -105,8 +105,8 @@ LostLight::LostLight(const Microfacet<float> &given, bool varies, const Loss &lo
     }
 }
 
-// The integral of the interpolated loss times 2 mu dmu = 4 x^3 dx, mu = x^2: Simpson's rule is exact to
-// terms that the table is not.
+// The integral of the interpolated loss times 2 mu dmu = 4 x^3 dx, mu = x^2. Simpson's rule is more exact
+// than the table.
 inline float LostLight::mean_of_row(int row) const {
     constexpr float h = 1.0f / (cosines - 1);
     const auto cube = [](float x) { return x * x * x; };
@@ -120,7 +120,7 @@ inline float LostLight::mean_of_row(int row) const {
     return sum * h * 4 / 6;
 }
 
-// Where facets reflect everything.
+// The loss if facets reflect all light.
 inline std::shared_ptr<const LostLight> lost_by_reflection(const Microfacet<float> &surface, bool varies) {
     return std::make_shared<LostLight>(surface, varies, [](const Microfacet<float> &facets, Vec3f w, int n) {
         return facets.mean_over_visible(w, n, [&](Vec3f m) {
@@ -130,9 +130,9 @@ inline std::shared_ptr<const LostLight> lost_by_reflection(const Microfacet<floa
     });
 }
 
-// The fraction of that light that is not absorbed at its second and later bounces, over the mean loss: the
-// geometric series of F mean(L) after F^2 (1 - mean(L)), with F the mean reflectance of the facets (Hill
-// 2018, "A Multi-Faceted Exploration", part 4).
+// The fraction of that light that is not absorbed at its second and later bounces, over the mean loss:
+// F^2 (1 - mean(L)) / (1 - F mean(L)) / mean(L), with F the mean reflectance of the facets (Hill 2018, "A
+// Multi-Faceted Exploration", part 4).
 template <class Float>
 Rgb<Float> regained_by_reflection(Rgb<Float> f, std::type_identity_t<Float> mean) {
     mean = max(mean, Float(1e-6f));

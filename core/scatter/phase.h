@@ -1,16 +1,16 @@
 #pragma once
 // The phase function contract.
 //
-// A *model* is the stored declaration with its fields. `prepare(read)` reads its volumes at one point,
-// through `read(volume) -> value`, and gives a *lobe*: a small value that answers eval() and sample().
+// A *model* is the stored declaration with its fields. `prepare(read)` reads its volumes at one point, with
+// `read(volume) -> value`, and returns a *lobe*: a small value with eval() and sample().
 //
-// Directions are of unit length, in world space, and point away from the point, `wo` on the known side and
-// `wi` on the generated side: light that is not deflected has wi = -wo. Phase functions are normalised and
-// sampled exactly: eval() is the value and also the density of sample(), whose weight is therefore one.
+// Directions have unit length, are in world space, and point away from the point; `wo` is given, `wi` is
+// sampled. Unscattered light has wi = -wo. Phase functions are normalised and sampled exactly: eval() is both
+// the value and the density of sample(), so samples have no weight.
 //
-// Particles that are not round present an area that depends on the direction. projected_area(wo) multiplies
-// the medium's extinction (Jakob et al. 2010, "A radiative transfer framework for rendering materials with
-// anisotropic structure"); projected_area(wo) eval(wo, wi) is reciprocal.
+// The projected area of particles that are not spheres depends on the direction. projected_area(wo)
+// multiplies the medium's extinction (Jakob et al. 2010, "A radiative transfer framework for rendering
+// materials with anisotropic structure"); projected_area(wo) eval(wo, wi) is reciprocal.
 
 #include <cstdint>
 #include <type_traits>
@@ -41,8 +41,8 @@ concept IsPhaseLobe = std::is_trivially_destructible_v<Lobe> && sizeof(Lobe) <= 
                           { lobe.projected_area(w) } -> std::same_as<float>;
                       };
 
-// 1 - cos(theta) of the angle by which light is deflected. A difference of directions keeps its digits where
-// the cosine, close to one, has lost them.
+// 1 - cos(theta) = |wo + wi|^2 / 2, with theta the angle of deflection. The cosine itself has no significant
+// digits near one.
 constexpr float deflection(Vec3f wo, Vec3f wi) { return length_squared(wo + wi) / 2; }
 
 // The direction at 1 - cos(theta) = height from an axis, turned by u.

@@ -19,8 +19,8 @@ namespace lajolla {
 
 using Phase = std::variant<Isotropic, HenyeyGreenstein, Rayleigh, TabulatedPhase, Sggx, BlendPhase>;
 
-// A phase function at a point: a mixture of a few lobes, almost always of one. Mixtures are exact: their
-// value is the sum, and their samples come from the parts by their shares.
+// A phase function at a point: a mixture of a few lobes, usually of one. Its value is the weighted sum, and
+// samples select a lobe with probability equal to its weight.
 class PhaseLobe {
 public:
     static constexpr std::size_t most_parts = 4;
@@ -39,7 +39,7 @@ public:
         if (size_ == 1) return sample(0, wo, u);
         const Shares shares = shares_of(wo);
         std::size_t chosen = 0;
-        for (std::size_t i = 0; i < size_; ++i) { // the last part with a share takes what rounding leaves
+        for (std::size_t i = 0; i < size_; ++i) { // rounding errors select the last part
             if (!(shares[i] > 0)) continue;
             chosen = i;
             if (u_lobe < shares[i]) break;
@@ -52,7 +52,7 @@ public:
         return {wi, pdf};
     }
 
-    // Extinction is multiplied by this; see phase.h.
+    // Multiplies the extinction; see phase.h.
     float projected_area(const Vec3f &wo) const {
         float sum = 0;
         for (std::size_t i = 0; i < size_; ++i) sum += parts_[i].weight * area(i, wo);
@@ -83,7 +83,7 @@ private:
     float area(std::size_t i, const Vec3f &wo) const {
         return match(parts_[i].lobe, [&](const auto &l) { return l.projected_area(wo); });
     }
-    // How much of what is scattered each part scatters: particles that show more of themselves scatter more.
+    // The fraction of the scattered light of each part: proportional to its weight and projected area.
     Shares shares_of(const Vec3f &wo) const {
         Shares shares{};
         float sum = 0;
@@ -114,7 +114,7 @@ void add_parts(std::span<const Phase> phases, PhaseId phase, float weight, const
     });
 }
 
-// The phase function with this id at the point where `read` reads.
+// The phase function with this id, evaluated by `read`.
 template <class Read>
 PhaseLobe prepare(std::span<const Phase> phases, PhaseId phase, const Read &read) {
     PhaseLobe lobe(0);
@@ -122,8 +122,8 @@ PhaseLobe prepare(std::span<const Phase> phases, PhaseId phase, const Read &read
     return lobe;
 }
 
-// Of how many parts a phase function consists. Throws std::invalid_argument where a blend names a phase
-// function that does not stand before it, or has too many parts.
+// The number of parts of a phase function. Throws std::invalid_argument if a blend refers to a phase function
+// that does not precede it, or has too many parts.
 inline std::size_t check_phase(std::span<const Phase> phases, PhaseId phase) {
     if (phase.id < 0) return 1;
     const auto *blend = std::get_if<BlendPhase>(&phases[static_cast<std::size_t>(phase.id)]);

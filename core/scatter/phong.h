@@ -15,7 +15,7 @@ struct Phong {
 
     static constexpr auto fields() {
         return std::tuple(
-            field("exponent", &Phong::exponent, "the higher, the smaller the highlights").range(0),
+            field("exponent", &Phong::exponent, "larger values make smaller highlights").range(0),
             field("diffuse_reflectance", &Phong::diffuse_reflectance, "fraction of light the base reflects")
                 .range(0, 1),
             field("specular_reflectance", &Phong::specular_reflectance,
@@ -33,7 +33,7 @@ struct Phong {
         Float roughness() const { return sqrt(2 / (exponent + 2)); }
 
         GlossValue<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
-            // 1 - cos from the difference of the directions: the cosine itself is too coarse near one
+            // 1 - cos from the difference of the directions: the cosine itself has too few digits near one
             const Float height = length_squared(wi - mirrored(wo)) / 2;
             const Float power = exp(exponent * log1p(-height));
             const Float lobe = select(height < 1.0f, power / (2 * pi), Float(0));

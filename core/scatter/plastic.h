@@ -34,7 +34,7 @@ struct Plastic {
         float eta;
         Rgb<Float> base; // albedo after bounces under the coat, over eta^2 for refraction on the way out
         Rgb<Float> reflectance;                // tint of the coat
-        Float diffuse_weight, specular_weight; // mean albedos: they steer the choice between base and coat
+        Float diffuse_weight, specular_weight; // mean albedos, for the selection of base or coat
 
         float roughness() const { return 1; }
 
@@ -69,7 +69,7 @@ struct Plastic {
             const auto coated = s > 0.0f;
             return {select(coated, s / (s + d), Float(0)), select(coated, d / (s + d), Float(1))};
         }
-        // The value of the base over the density of cosine-weighted sampling.
+        // The value of the base divided by the density of cosine-weighted sampling.
         Rgb<Float> base_over_cosine(Float f_o, const Vec3<Float> &wi) const {
             const Float f_i = fresnel_dielectric(wi.z, eta).reflectance;
             return base * ((1 - f_o) * (1 - f_i));

@@ -4,9 +4,9 @@
 
 namespace lajolla {
 
-// Burley's model as Mitsuba 3 has it. It parts from Burley in three places: dielectrics reflect by Fresnel's
-// equations, Schlick's approximation takes the refracted angle where light gets faster inside, and the clear
-// coat lacks the two cosines of a microfacet model's denominator.
+// Burley's model as in Mitsuba 3, with three differences from Burley: dielectrics use the Fresnel equations,
+// Schlick's approximation uses the refracted angle if eta < 1, and the clear coat lacks the two cosines in
+// the denominator of microfacet models.
 struct Principled {
     static constexpr const char *name = "principled";
     static constexpr const char *doc =
@@ -33,14 +33,15 @@ struct Principled {
                 .range(0, 1),
             field("sheen", &Principled::sheen, "reflection of cloth at grazing angles").range(0, 1),
             field("sheen_tint", &Principled::sheen_tint, "gives sheen the hue of the base color").range(0, 1),
-            field("flatness", &Principled::flatness, "flatter, as if light spread under the surface")
+            field("flatness", &Principled::flatness,
+                  "flattened shape that approximates subsurface scattering")
                 .range(0, 1),
             field("clearcoat", &Principled::clearcoat, "strength of a clear coat").range(0, 1),
             field("clearcoat_gloss", &Principled::clearcoat_gloss,
                   "0 is satin (alpha 0.1), 1 is glossy (alpha 0.001)")
                 .range(0, 1),
             field("multiscatter", &Principled::multiscatter,
-                  "give back the light that bounces between microfacets and is reflected"));
+                  "compensate the energy lost by single scattering in reflection"));
     }
 
     struct Rules {

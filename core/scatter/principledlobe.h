@@ -1,15 +1,13 @@
 #pragma once
-// The lobe of the models that mix everything: disneybsdf and principled. A diffuse base with sheen, a GGX
-// surface that reflects as a metal, as a dielectric or as a mixture, and refracts, and a clear coat. Behind
-// the surface, where light travels inside, there is the dielectric alone.
+// The lobe of disneybsdf and principled: a diffuse base with sheen, a GGX surface that reflects as a metal, a
+// dielectric or a mixture, and refracts, and a clear coat. From inside, there is only the dielectric.
 //
-// Where the two models differ is in their `Rules`:
+// The differences between the two models are in their `Rules`:
 //   schlick(cos_o, cos_t, eta)     the weight of Schlick's approximation at a facet
 //   clearcoat(cos_o, cos_i)        value over reflectance, density and masking of the coat, with its cosine
-//   tinted_reflection              whether a dielectric's reflection takes the base colour, where light is
-//                                  inside, too
+//   tinted_reflection              whether the base colour tints a dielectric's reflection, also from inside
 //
-// Its functions are large and stay out of the dispatch that all lobes share.
+// Its functions are large and are not inlined into the dispatch of all lobes.
 
 #include "base/warp.h"
 #include "scatter/disney.h"
@@ -30,7 +28,7 @@ struct PrincipledLobe {
     Float diffuse, surface_roughness, flatness;
     disney::Tint<Float> sheen; // scaled by its share
     Float coat_share;
-    const LostLight *lost = nullptr; // where multiple scattering counts
+    const LostLight *lost = nullptr; // for multiple scattering
 
     Float roughness() const {
         return select(diffuse > 0.0f || sheen.white > 0.0f || sheen.hue > 0.0f, Float(1), glossy_roughness());
@@ -63,7 +61,7 @@ struct PrincipledLobe {
         const Choice p = choice(wo, outside);
         const auto is_diffuse = u_lobe < p.diffuse, is_surface = u_lobe >= p.diffuse + p.coat,
                    is_coat = !is_diffuse && !is_surface;
-        // A direction and the facet halfway, or a facet and what it does.
+        // Either wi and the half vector, or a facet and the type of event.
         Vec3<Float> wi, m;
         if (any(is_diffuse)) {
             wi = sample_cosine_hemisphere(u);
@@ -91,18 +89,18 @@ private:
     using Bool = BoolOf<Float>;
 
     struct Choice {                   // probabilities
-        Float diffuse, coat, surface; // the first with the lost light
+        Float diffuse, coat, surface; // the first includes the lost light
     };
     // Reflection and refraction at a microfacet.
     struct Split {
         Rgb<Float> reflected, transmitted;
-        Float p_reflect, p_transmit; // of choosing either; zero where it is black
+        Float p_reflect, p_transmit; // probabilities; zero if black
         Float total;                 // mean of both
         Float cos_t;
         Float weight; // of Schlick's approximation
     };
-    // The facet of normal m that reflects or refracts wi to wo, which is above the surface; light is inside
-    // there if not `outside`.
+    // The facet of normal m that reflects or refracts wi to wo, which is above the surface. Light comes from
+    // inside if not `outside`.
     struct Facet {
         Vec3<Float> wo, wi, m;
         Bool outside, reflected;
@@ -113,7 +111,7 @@ private:
     Float glossy_roughness() const {
         return select(coat_share > 0.0f, max(surface.roughness(), coat.roughness()), surface.roughness());
     }
-    // Seen from inside, everything is turned over; and back.
+    // Flips directions for light from inside, and back.
     static Vec3<Float> turned(const Vec3<Float> &w, Bool outside) {
         return {w.x, w.y, select(outside, w.z, -w.z)};
     }
@@ -131,8 +129,8 @@ private:
         return {r, t, p_r / total, p_t / total, p_r + p_t, cos_t, w};
     }
 
-    // What becomes of the light along wo that the reflection seen from outside loses, as a lobe over
-    // L(wi) cos(wi) / pi. Refracted light that is lost stays so.
+    // The light along wo that reflection from outside loses and multiple scattering restores, as a lobe over
+    // L(wi) cos(wi) / pi. Refracted light that is lost is not restored.
     [[gnu::noinline]] Rgb<Float> regained(const Vec3<Float> &wo) const {
         const Rgb<Float> untinted(dielectric * (1 - fresnel_diffuse_transmittance(eta)));
         const Rgb<Float> f =
@@ -140,8 +138,8 @@ private:
         return regained_by_reflection(f, lost->mean(surface)) * (*lost)(surface, wo);
     }
 
-    // The parts are chosen by estimates of what they scatter towards wo. Facets that are seen at grazing
-    // angles are tilted: the rougher, the more. Inside there is the surface alone.
+    // Probabilities are estimates of the light that each part scatters towards wo. Facets that are visible at
+    // grazing angles are tilted: the rougher, the more. Inside there is only the surface.
     Choice choice(const Vec3<Float> &wo, Bool outside) const {
         if (!any(outside)) return {0, 0, 1};
         const Float cos_o = wo.z;

@@ -35,14 +35,15 @@ struct PrincipledThin {
             field("sheen", &PrincipledThin::sheen, "reflection of cloth at grazing angles").range(0, 1),
             field("sheen_tint", &PrincipledThin::sheen_tint, "gives sheen the hue of the base color")
                 .range(0, 1),
-            field("flatness", &PrincipledThin::flatness, "flatter, as if light spread under the surface")
+            field("flatness", &PrincipledThin::flatness,
+                  "flattened shape that approximates subsurface scattering")
                 .range(0, 1),
             field("diff_trans", &PrincipledThin::diff_trans,
                   "0 reflects all diffuse light, 2 transmits all of it")
                 .range(0, 2),
             field("multiscatter", &PrincipledThin::multiscatter,
-                  "give back the light that bounces between microfacets, where eta is a number and "
-                  "anisotropic is 0"));
+                  "compensate the energy lost by single scattering; needs a constant eta and "
+                  "anisotropic 0"));
     }
 
     BsdfTraits traits() const {
@@ -60,14 +61,14 @@ struct PrincipledThin {
         Float spec_tint, glass; // share of that, and of the specular part altogether
         Float diffuse, diffuse_through, surface_roughness, flatness; // shares and shape of the rest
         disney::Tint<Float> sheen;
-        const LostLight *lost = nullptr; // where multiple scattering counts
+        const LostLight *lost = nullptr; // for multiple scattering
 
         Float roughness() const {
             return select(diffuse > 0.0f || diffuse_through > 0.0f, Float(1),
                           max(front.roughness(), through.roughness()));
         }
 
-        // Both sides are alike.
+        // Both sides are equal.
         [[gnu::noinline]] BsdfEval<Float> eval(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
             const Vec3<Float> above = turned(wo, wo);
             return eval_above(above, turned(wi, wo), choice(above));
@@ -83,16 +84,16 @@ struct PrincipledThin {
         using Bool = BoolOf<Float>;
 
         struct Choice {                                        // probabilities
-            Float reflect, transmit, diffuse, diffuse_through; // the last two with the lost light
+            Float reflect, transmit, diffuse, diffuse_through; // the last two include the lost light
         };
 
-        // As seen from the other side, if wo is below.
+        // Flips directions if wo is below.
         static Vec3<Float> turned(const Vec3<Float> &w, const Vec3<Float> &wo) {
             return select(wo.z > 0.0f, w, -w);
         }
         static Vec3<Float> up(const Vec3<Float> &w) { return {w.x, w.y, abs(w.z)}; }
 
-        // Either surface has its long axis along the tangent.
+        // Both surfaces have their long axis along the tangent.
         Microfacet<Float> surface(Bool reflects) const {
             return {MicrofacetKind::ggx, select(reflects, front.larger_alpha(), through.larger_alpha()),
                     select(reflects, front.smaller_alpha(), through.smaller_alpha())};
@@ -106,7 +107,7 @@ struct PrincipledThin {
             return base * (1 - fresnel_dielectric(cos_d, eta).reflectance);
         }
 
-        // Of the lost light: the fraction that is reflected in the end, as much as at a smooth boundary.
+        // The fraction of the lost light that is finally reflected, as at a smooth boundary.
         Float reflecting() const { return 1 - fresnel_diffuse_transmittance(eta); }
         // Over cos / pi.
         [[gnu::noinline]] Float lost_light(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
@@ -114,8 +115,8 @@ struct PrincipledThin {
             return glass * (*lost)(front, wo) * (*lost)(front, wi) / mean;
         }
 
-        // By estimates of what the parts scatter towards wo. Facets seen at grazing angles are tilted, the
-        // rougher the more: the mean of level and tilted ones.
+        // Estimates of the light that each part scatters towards wo. Facets visible at grazing angles are
+        // tilted, the rougher the more: uses the mean of level and tilted ones.
         Choice choice(const Vec3<Float> &wo) const {
             const Float cos_o = wo.z;
             const Float alpha2 = sqr(front.roughness());
@@ -135,8 +136,8 @@ struct PrincipledThin {
             return {r / total, t / total, d / total, d_t / total};
         }
 
-        // Specular transmission is reflection turned to the other side, by a surface whose roughness depends
-        // on eta (Burley 2015, section 4.2). What would meet a facet from behind is lost, as in Mitsuba.
+        // Specular transmission is reflection flipped to the other side, by a surface whose roughness depends
+        // on eta (Burley 2015, section 4.2). Light that hits a facet from behind is lost, as in Mitsuba.
         BsdfEval<Float> eval_above(const Vec3<Float> &wo, const Vec3<Float> &wi, const Choice &p) const {
             const auto valid = wo.z > 0.0f && wi.z != 0.0f, reflected = wi.z > 0.0f;
             if (!any(valid)) return {};
@@ -235,9 +236,9 @@ private:
         const Float widening = 0.65f * index - 0.35f; // Burley 2015, figure 15
         return disney::microfacets(roughness * widening, stretch, 1e-3f);
     }
-    // Of light along w on a facet of normal m, without tint: what Lobe::eval_transmitted makes of it.
+    // The untinted transmission of light along w at a facet of normal m, as in Lobe::eval_transmitted.
     static float transmitted_fraction(const Microfacet<float> &surface, Vec3f w, Vec3f m, float index) {
-        const Vec3f wi = reflect(w, m); // mirrored then
+        const Vec3f wi = reflect(w, m); // flipped afterwards
         const bool passes = wi.z > 0 && dot(Vec3f{wi.x, wi.y, -wi.z}, m) < 0;
         return passes ? (1 - fresnel_dielectric(dot(w, m), index).reflectance) * surface.masking(wi) : 0;
     }

@@ -28,7 +28,7 @@ struct RoughConductor {
                   "tints the reflection; 1 is physical")
                 .range(0, 1),
             field("multiscatter", &RoughConductor::multiscatter,
-                  "give back the light that bounces between microfacets"));
+                  "compensate the energy lost by single scattering"));
     }
 
     BsdfTraits traits() const { return {.anisotropic = !(alpha_u == alpha_v)}; }

@@ -37,12 +37,12 @@ struct RoughDielectric {
                   "tints the refraction; 1 is physical")
                 .range(0, 1),
             field("multiscatter", &RoughDielectric::multiscatter,
-                  "give back the light that bounces between microfacets, of one alpha"));
+                  "compensate the energy lost by single scattering; needs equal alpha_u and alpha_v"));
     }
 
     BsdfTraits traits() const { return {.transmissive = true, .anisotropic = !(alpha_u == alpha_v)}; }
 
-    // What single scattering loses on either side of the boundary.
+    // The energy that single scattering loses on each side of the boundary.
     struct Losses {
         LostLight above, below;
 
@@ -66,7 +66,7 @@ struct RoughDielectric {
         Microfacet<Float> surface;
         float eta; // inside relative to outside
         Rgb<Float> reflectance, transmittance;
-        const Losses *lost = nullptr; // where multiple scattering counts
+        const Losses *lost = nullptr; // for multiple scattering
 
         Float roughness() const { return surface.roughness(); }
 
@@ -83,7 +83,7 @@ struct RoughDielectric {
 
         struct Split {
             Rgb<Float> reflected, transmitted;
-            Float p_reflect, p_transmit; // of choosing either; zero where it is black
+            Float p_reflect, p_transmit; // probabilities; zero if black
             Float cos_t;
         };
 
@@ -95,16 +95,16 @@ struct RoughDielectric {
         }
 
         static Vec3<Float> up(const Vec3<Float> &w) { return {w.x, w.y, abs(w.z)}; }
-        // On the side where side.z > 0 if w is above, else on the other.
+        // w, flipped if `side` is below.
         static Vec3<Float> towards(const Vec3<Float> &side, const Vec3<Float> &w) {
             return {w.x, w.y, select(side.z > 0.0f, w.z, -w.z)};
         }
-        // The index of refraction on the far side relative to that on the side of w.
+        // n_far / n_w: the far side relative to the side of w.
         Float index_beyond(const Vec3<Float> &w) const {
             return select(w.z > 0.0f, Float(eta), Float(1 / eta));
         }
 
-        // One bounce. Both directions are turned so that wo is above the surface.
+        // Single scattering. Both directions are flipped so that wo is above the surface.
         BsdfEval<Float> eval_single(const Vec3<Float> &given_wo, const Vec3<Float> &given_wi) const {
             const Vec3<Float> wo = up(given_wo), wi = towards(given_wo, given_wi);
             const Float beyond = index_beyond(given_wo);
@@ -114,7 +114,7 @@ struct RoughDielectric {
             const Float h2 = length_squared(h);
             const Vec3<Float> m = h * copysign(1 / sqrt(h2), h.z);
             const Float cos_o = dot(wo, m), cos_i = dot(wi, m);
-            // Neither along the surface nor on a facet's back.
+            // Neither tangential nor at a facet's back.
             const auto valid = wo.z > 0.0f && wi.z != 0.0f && cos_o > 0.0f && cos_i * wi.z > 0.0f;
 
             const Split s = split(cos_o, beyond);
@@ -125,8 +125,8 @@ struct RoughDielectric {
             return select(valid, e, {});
         }
 
-        // Of wi where the facet reflects or transmits everything; h2 is the square of the length that the
-        // half vector of transmission has before it is normalized.
+        // The density of wi if the facet reflects or transmits all light; h2 is the squared length of the
+        // half vector of transmission before it is normalized.
         Float single_density(const Vec3<Float> &wo, const Vec3<Float> &m, Bool reflected, Float cos_o,
                              Float cos_i, Float h2, Float beyond) const {
             const Float bending = cos_o * sqr(beyond) * abs(cos_i) / h2; // Walter et al., eq. 17
@@ -154,14 +154,14 @@ struct RoughDielectric {
                     .width = roughness()};
         }
 
-        // Light that came from one side and was lost there, on its way to both sides: fractions over the mean
-        // loss of the side where it arrives, which make the lobe of LostLight.
+        // Light lost on one side that leaves to both sides: fractions over the mean loss of the side where it
+        // arrives, which scale the lobe of LostLight.
         struct Regained {
             Rgb<Float> reflected, transmitted;
         };
 
-        // As much is transmitted as diffuse light would be at a smooth boundary, less where the sides lose
-        // differently: reciprocity asks for equal n^2 mean(L) t.
+        // The transmitted fraction t is that of diffuse light at a smooth boundary, or less if the losses of
+        // the sides differ: reciprocity requires n^2 mean(L) t to be equal on both sides.
         Regained regained(const Vec3<Float> &wo) const {
             const auto above = wo.z > 0.0f;
             const Float a = lost->above.mean(surface), b = lost->below.mean(surface);
@@ -172,12 +172,12 @@ struct RoughDielectric {
             const Float t = select(beyond > 1.0f, entering, entering / sqr(denser)) * min(here, there) / here;
             return {reflectance * ((1 - t) / here), transmittance * (t / there)};
         }
-        // The fraction that is lost along w, on whichever side.
+        // The fraction lost along w, on its side.
         Float loss(const Vec3<Float> &w) const {
             return select(w.z > 0.0f, lost->above(surface, up(w)), lost->below(surface, up(w)));
         }
 
-        // Of the lost light: the probability that it is reflected.
+        // The probability that lost light is reflected.
         static Float reflecting(const Regained &r) {
             const Float reflected = mean(r.reflected), total = reflected + mean(r.transmitted);
             return select(total > 0.0f, reflected / total, Float(0));
@@ -222,7 +222,7 @@ struct RoughDielectric {
                 "int_ior and ext_ior must differ: a rough boundary does not refract light at " +
                 std::to_string(int_ior) + " on both sides");
         if (!multiscatter) return;
-        if (!(alpha_u == alpha_v)) // total reflection makes the loss a function that tables do not hold
+        if (!(alpha_u == alpha_v)) // with total reflection, the tables have too few coordinates
             throw std::invalid_argument(
                 "multiscatter is for equal roughness along both tangents; alpha_u and alpha_v differ");
         lost_ = std::make_shared<Losses>(Microfacet<float>(distribution, alpha_u.constant, alpha_v.constant),

@@ -50,7 +50,7 @@ struct RoughDiffuse {
         }
 
     private:
-        // The BRDF over that of a white Lambertian surface.
+        // The BRDF divided by that of a white Lambertian surface.
         Rgb<Float> relative(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
             return max(variant == RoughDiffuseVariant::energy_preserving ? energy_preserving(wo, wi)
                                                                          : oren_nayar(wo, wi),
@@ -95,7 +95,7 @@ struct RoughDiffuse {
                 reflectance * reflectance * albedo / (Rgb<Float>(1) - reflectance * (1 - albedo));
             return reflectance * single + more * max(lost, Float(0));
         }
-        // G / pi of that paper, equation 24: how the albedo of single bounces grows towards the rim.
+        // G / pi of that paper, equation 24: the increase of the single-scattering albedo towards the rim.
         static Float rim_light(Float cosine) {
             const Float sine = safe_sqrt(1 - sqr(cosine));
             const Float g = sine * (acos(min(cosine, Float(1))) - sine * cosine) +
@@ -106,7 +106,7 @@ struct RoughDiffuse {
 
     template <class Float>
     Lobe<Float> prepare(const auto &read) const {
-        // The variance of angles for that of slopes, as in Mitsuba 0.6
+        // The variance of angles for a variance of slopes, as in Mitsuba 0.6
         return {read(reflectance), sqr(max(read(alpha), Float(0))) / 2, variant};
     }
 };

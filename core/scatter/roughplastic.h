@@ -45,7 +45,7 @@ struct RoughPlastic {
                 .range(0, 1),
             field("nonlinear", &RoughPlastic::nonlinear, "saturate colours by scattering under the coat"),
             field("multiscatter", &RoughPlastic::multiscatter,
-                  "let the base have the light that bounces between microfacets"));
+                  "add the energy lost by single scattering to the base"));
     }
 
     BsdfTraits traits() const { return {.diffuse_colour = &diffuse_reflectance}; }
@@ -54,10 +54,10 @@ struct RoughPlastic {
     struct Lobe {
         Microfacet<Float> surface;
         float eta;
-        const CosineTable *entering; // fraction of light that the coat lets through, either way
+        const CosineTable *entering; // fraction of light that the coat transmits, in both directions
         Rgb<Float> base; // albedo after bounces under the coat, over eta^2 for refraction on the way out
         Rgb<Float> reflectance;                // tint of the coat
-        Float diffuse_weight, specular_weight; // mean albedos: they steer the choice between base and coat
+        Float diffuse_weight, specular_weight; // mean albedos, for the selection of base or coat
 
         float roughness() const { return 1; }
 
@@ -118,7 +118,7 @@ struct RoughPlastic {
 
 private:
     CosineTable entering_;
-    float leaving_ = 1; // what the coat does not reflect of diffuse light from below
+    float leaving_ = 1; // fraction of diffuse light from below that the coat transmits
 };
 
 inline void RoughPlastic::build() {
@@ -137,9 +137,9 @@ inline void RoughPlastic::build() {
         entering += cos_theta * entering_.values[i];
         inside += cos_theta * fraction(detail::reflected_fraction, cos_theta, 1 / eta);
     }
-    // Where nothing is lost, reciprocity asks that mean(entering) / eta^2 leaves (trapezoidal rule). Else it
-    // is Mitsuba's mean over the nodes, so that the same file gives the same picture; that is no less, but
-    // for an index that the nodes are too few for.
+    // With `multiscatter`, reciprocity requires leaving = mean(entering) / eta^2 (trapezoidal rule).
+    // Otherwise it is Mitsuba's mean over the nodes, so that the same file gives the same picture; that is
+    // not smaller, except for an index for which there are too few nodes.
     const auto nodes = static_cast<float>(entering_.values.size());
     entering -= entering_.values.back() / 2;
     const float reciprocal = 2 * entering / ((nodes - 1) * sqr(eta));

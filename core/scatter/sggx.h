@@ -7,8 +7,8 @@
 
 namespace lajolla {
 
-// Heitz, Dupuy, Crassin and Dachsbacher 2015, "The SGGX Microflake Distribution": mirrors whose normals are
-// distributed as those of an ellipsoid.
+// Heitz, Dupuy, Crassin and Dachsbacher 2015, "The SGGX Microflake Distribution": mirrors with the
+// distribution of normals of an ellipsoid.
 struct Sggx {
     static constexpr const char *name = "sggx";
     static constexpr const char *doc = "Microflakes (SGGX): fibres and distant surfaces.";
@@ -56,7 +56,7 @@ struct Sggx {
         }
 
     private:
-        // Equations 15 and 17, off a mirror with the normal m: D(m) / (4 area(wo))
+        // Equations 15 and 17, for a mirror with the normal m: D(m) / (4 area(wo))
         float reflected(Vec3f wo, Vec3f m) const {
             const float det = S.determinant(), form = dot(m, S.adjugate() * m);
             return form > 0 ? det * safe_sqrt(det) / (pi * sqr(form)) / (4 * projected_area(wo)) : 0;
@@ -65,9 +65,9 @@ struct Sggx {
 
     Lobe prepare(const auto &read) const { return {regularised(read(S))}; }
 
-    static constexpr float thinnest = 1e-6f; // determinant against that of the round matrix of the same trace
+    static constexpr float thinnest = 1e-6f; // determinant, relative to a sphere of the same trace
 
-    // By how much regularised() may raise a projected area.
+    // The largest increase of a projected area by regularised().
     static constexpr float most_growth = 1.3f;
 
     static bool is_positive_definite(const SymmetricMatrix &m) {
@@ -77,8 +77,8 @@ struct Sggx {
                third * third * third > 0;
     }
 
-    // What volumes hold between their samples, or outside, need not be positive definite: it is made rounder,
-    // and what has no size becomes a tiny ball.
+    // Volumes may contain matrices that are not positive definite, between samples or outside. They are made
+    // rounder, and zero becomes a tiny sphere.
     static SymmetricMatrix regularised(const SymmetricMatrix &m) {
         if (is_positive_definite(m)) return m;
         const float third = std::clamp(m.trace() / 3, 1e-8f, 1e8f);

@@ -1,6 +1,6 @@
 #pragma once
-// Families of densities over the unit square, bilinear between the nodes of a grid, and the maps that make
-// even samples follow them: rows by their sums, then along a row.
+// Families of densities over the unit square, bilinear between the nodes of a grid, and the maps from uniform
+// samples to these densities: first the row, then the position along it.
 
 #include <algorithm>
 #include <array>
@@ -14,7 +14,7 @@
 
 namespace lajolla {
 
-// The members of a family between which a parameter lies, and their shares.
+// The members of a family between which a parameter is, and their weights.
 template <class Float>
 struct SliceMix {
     std::array<IntOf<Float>, 4> slice;
@@ -33,7 +33,7 @@ struct SliceMix {
     }
 };
 
-// The last of the `count` intervals of a rising function of whole numbers that begins below x.
+// The last of the `count` intervals of an increasing function of integers that begins below x.
 template <class Float>
 IntOf<Float> interval(std::int32_t count, Float x, auto &&f) {
     IntOf<Float> low = 0, high = count;
@@ -46,7 +46,7 @@ IntOf<Float> interval(std::int32_t count, Float x, auto &&f) {
     return low;
 }
 
-// Neighbours in a rising list of nodes; beyond its ends, the ends.
+// Neighbours in an increasing list of nodes; beyond its ends, the ends.
 template <class Float>
 struct Neighbours {
     IntOf<Float> lower, upper;
@@ -61,14 +61,14 @@ Neighbours<Float> neighbours(const std::vector<float> &nodes, Float x) {
     return {i, i + 1, clamp((x - node(i)) / (node(i + 1) - node(i)), 0.0f, 1.0f)};
 }
 
-// The numbers of nodes of a grid over the unit square, at least two each way, and positions in it.
+// The numbers of nodes of a grid over the unit square, at least two along each axis, and positions in it.
 struct SquareGrid {
     std::int32_t width = 2, height = 2;
 
     template <class Float>
     struct Cell {
         IntOf<Float> column, row;
-        Vec2<Float> t; // position within
+        Vec2<Float> t; // position in the cell
     };
     std::int32_t size() const { return width * height; }
     float columns() const { return to_float(width - 1); }
@@ -80,7 +80,7 @@ struct SquareGrid {
                            row = to_int(min(y, Float(rows() - 1)));
         return {column, row, {x - to_float(column), y - to_float(row)}};
     }
-    // The bilinear value in a cell of one slice after the other, of node(index).
+    // The bilinear value in a cell, blended over the slices; the values of nodes are node(index).
     template <class Float>
     auto value(const Cell<Float> &c, IntOf<Float> slice, auto &&node) const {
         const IntOf<Float> n = slice * size() + c.row * width + c.column;
@@ -94,11 +94,10 @@ public:
     template <class Float>
     struct Placed {
         Vec2<Float> position;
-        Float density; // at the place in the square of the family, whichever way it was mapped
+        Float density; // of the family at the mapped point, for both directions of the map
     };
 
-    // Slices of non-negative nodes, one after the other, of any scale. One that is zero everywhere counts as
-    // even.
+    // Slices of non-negative nodes, one after the other, with any scale. A slice of zeros becomes uniform.
     SquareWarp(std::vector<float> nodes, SquareGrid grid)
         : grid_(grid), nodes_(std::move(nodes)), along_rows_(nodes_.size()),
           rows_(nodes_.size() / static_cast<std::size_t>(grid.width)) {
@@ -115,7 +114,7 @@ public:
     }
     template <class Float>
     Placed<Float> sample(const Vec2<Float> &u, const SliceMix<Float> &blend) const;
-    // What sample() would have to be given for p.
+    // The inverse of sample().
     template <class Float>
     Placed<Float> invert(const Vec2<Float> &p, const SliceMix<Float> &blend) const;
 
@@ -142,7 +141,7 @@ private:
                   const SliceMix<Float> &blend) const {
         return lerp(t, node(table, x, y, blend), node(table, x, y + 1, blend));
     }
-    // The integral of the line from a to b over [0, t], and the t where it is so much.
+    // The integral of the line from a to b over [0, t], and its inverse.
     template <class Float>
     static Float area(Float t, Float a, Float b) {
         return t * lerp(t / 2, a, b);
@@ -180,7 +179,7 @@ inline void SquareWarp::normalise(std::size_t first) {
 
 template <class Float>
 SquareWarp::Placed<Float> SquareWarp::sample(const Vec2<Float> &u, const SliceMix<Float> &blend) const {
-    constexpr float margin = 0x1p-24f; // of the ends, where the density may be zero
+    constexpr float margin = 0x1p-24f; // distance from the ends, where the density may be zero
     using Int = IntOf<Float>;
     const Int last = grid_.width - 1;
     const auto within = [&](Float v) { return clamp(v, margin, 1 - margin); };

@@ -62,12 +62,12 @@ private:
     struct Deflection {
         float height, value; // 1 - cos, and the value there
     };
-    // By the areas of the cells and the quadratic equation within one.
+    // Selects a cell by its area, then solves a quadratic equation in it.
     Deflection sample_deflection(float u) const {
         const auto [i, probability, rest] = cells_.sample(u);
         const float a = table_[i], b = table_[i + 1];
         const float divisor = a + std::sqrt(lerp(rest, a * a, b * b));
-        // Never quite at the ends, where the value may be zero.
+        // Not at the ends, where the value may be zero.
         const float t = std::clamp(rest * (a + b) / std::max(divisor, std::numeric_limits<float>::min()),
                                    0x1p-20f, 1 - 0x1p-20f);
         return {(static_cast<float>(table_.size() - 1 - i) - t) * step(), lerp(t, a, b)};

@@ -5,7 +5,7 @@
 
 namespace lajolla {
 
-// Which geometric factor stands before Ward's Gaussian.
+// The geometric factor of Ward's Gaussian.
 enum class WardVariant { ward, ward_duer, balanced };
 constexpr auto choices(WardVariant) { return std::array{"ward", "ward-duer", "balanced"}; }
 

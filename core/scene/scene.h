@@ -22,7 +22,7 @@
 
 namespace lajolla {
 
-// What a shape refers to; -1 for none.
+// The ids that a shape refers to; -1 for none.
 struct ShapeSlot {
     std::int32_t material = -1, emitter = -1, interior = -1, exterior = -1;
 };
@@ -42,18 +42,18 @@ struct SceneParts {
     std::int32_t camera_medium = -1; // -1 for none
     Film film;
     PixelFilter filter;
-    std::array<double, 3> origin{}; // where in the world the origin of all coordinates here is
+    std::array<double, 3> origin{}; // the origin of these coordinates in the world
 };
 
-// What encloses all shapes outside of groups, and the instances.
+// The bounds of all shapes outside of groups, and of the instances.
 Bounds bounds_of(const SceneParts &parts);
 
 // A surface whose lobe is of any model.
 using AnySurface = Surface<float, Lobe>;
 
-// Where the vertices of a mesh lie.
+// Pointers to the arrays of a mesh.
 struct MeshArrays {
-    const Triangle *triangles = nullptr; // none: the shape is no mesh
+    const Triangle *triangles = nullptr; // null: the shape is not a mesh
     const Vec3f *positions = nullptr, *normals = nullptr;
     const Vec2f *uvs = nullptr;
     bool flip_normals = false;
@@ -83,19 +83,19 @@ public:
     // Everything about a hit that the ray tracer found.
     Hit<float> hit(const Ray<float> &ray, const RayHit &found, const RayCone<float> &cone,
                    const HitNeeds &needs = {}) const;
-    // The same of several rays; lanes where `active` is false hold ids of others, and numbers
-    // that mean nothing.
+    // The same for several rays. Inactive lanes contain valid ids of other hits, and undefined numbers.
     Hit<WideFloat> hit(const Ray<WideFloat> &rays, const RayHits &found, WideBool active,
                        const RayCone<WideFloat> &cones, const HitNeeds &needs) const;
-    // What scattering light asks of hits in this scene.
+    // The properties of hits that scattering needs in this scene.
     const HitNeeds &needs() const { return needs_; }
 
-    // The lobe at a hit, seen from `wo` (world space), of a path that does not pass straight through. Of a
-    // blend it is one, chosen by the uniform number u.
+    // The lobe at a hit, seen from `wo` (world space), for a path that does not pass straight through. In a
+    // blend, the uniform number u selects it.
     AnySurface surface(const Hit<float> &hit, const Vec3f &wo, float u) const;
 
-    // f(surface, share) for what surface() may choose, with its probability, where that is a small blend;
-    // else f(chosen, 1). Sampling lights for each of them takes the noise of choosing out of direct light.
+    // In a small blend, calls f(surface, share) for each lobe that surface() may select, with its
+    // probability; else f(chosen, 1). Sampling lights for each lobe removes the noise of the selection from
+    // direct light.
     template <class F>
     void for_each_surface(const Hit<float> &hit, const Vec3f &wo, const AnySurface &chosen, F &&f) const {
         if (!has_blends_) return f(chosen, 1.0f);

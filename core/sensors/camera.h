@@ -21,12 +21,12 @@ template <class Float>
 struct CameraRay {
     Ray<Float> ray;
     RayCone<Float> cone;
-    // Uniform numbers: what comes first along the ray, and by which channel the path samples media.
+    // Uniform numbers for the first event along the ray, and for the channel by which the path samples media.
     Float u_event = 0, u_channel = 0;
     Vec2<Float> film{}, lens{}; // what it was generated from
 };
 
-// What a camera is made for: known once the scene is.
+// Properties of the film that cameras need.
 struct CameraFit {
     float aspect, width; // of the film: its width over its height, and its width in pixels
     BoundingSphere scene;
@@ -45,9 +45,11 @@ struct Perspective {
         return std::tuple(
             field("to_world", &Perspective::to_world, "placement in the scene"),
             field("fov", &Perspective::fov, "field of view").range(1e-3, 179.999).unit("degrees"),
-            field("fov_axis", &Perspective::fov_axis, "which side of the picture the field of view spans"),
-            field("near_clip", &Perspective::near_clip, "nothing nearer than this along +z is seen").range(0),
-            field("far_clip", &Perspective::far_clip, "nothing farther than this along +z is seen").range(0),
+            field("fov_axis", &Perspective::fov_axis, "side of the picture to which fov applies"),
+            field("near_clip", &Perspective::near_clip, "surfaces nearer than this along +z are invisible")
+                .range(0),
+            field("far_clip", &Perspective::far_clip, "surfaces farther than this along +z are invisible")
+                .range(0),
             field("principal_point_offset_x", &Perspective::principal_point_offset_x,
                   "shift of the picture, in widths of the film"),
             field("principal_point_offset_y", &Perspective::principal_point_offset_y,
@@ -58,7 +60,7 @@ struct Perspective {
     template <class Float>
     CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
 
-    // The point at z = 1 that a film position stands for, in camera space.
+    // The point at z = 1 of a film position, in camera space.
     template <class Float>
     Vec3<Float> through(const Vec2<Float> &film) const {
         return {(1 - 2 * (film.x + principal_point_offset_x)) * half_width,
@@ -72,8 +74,7 @@ struct Perspective {
 
 struct ThinLens : Perspective {
     static constexpr const char *name = "thinlens";
-    static constexpr const char *doc =
-        "A camera with a round aperture: what is not at the focus distance is blurred.";
+    static constexpr const char *doc = "A camera with a round aperture and depth of field.";
     float aperture_radius = 0, focus_distance = 1e4f;
 
     static constexpr auto fields() {
@@ -97,9 +98,9 @@ struct Orthographic {
     static constexpr auto fields() {
         return std::tuple(
             field("to_world", &Orthographic::to_world, "placement in the scene"),
-            field("near_clip", &Orthographic::near_clip, "nothing nearer than this along +z is seen")
+            field("near_clip", &Orthographic::near_clip, "surfaces nearer than this along +z are invisible")
                 .range(0),
-            field("far_clip", &Orthographic::far_clip, "nothing farther than this along +z is seen")
+            field("far_clip", &Orthographic::far_clip, "surfaces farther than this along +z are invisible")
                 .range(0));
     }
     void build(const CameraFit &fit);
@@ -112,8 +113,7 @@ private:
 
 struct Telecentric : Orthographic {
     static constexpr const char *name = "telecentric";
-    static constexpr const char *doc =
-        "Parallel views through a round aperture: what is not at the focus distance is blurred.";
+    static constexpr const char *doc = "An orthographic camera with a round aperture and depth of field.";
     float aperture_radius = 0, focus_distance = 1e4f;
 
     static constexpr auto fields() {
@@ -168,7 +168,7 @@ struct Distant {
 
     static constexpr auto fields() {
         return std::tuple(
-            field("to_world", &Distant::to_world, "placement in the scene; only directions count"),
+            field("to_world", &Distant::to_world, "placement in the scene; only directions are used"),
             field("target", &Distant::target, "the point that is looked at"),
             field("has_target", &Distant::has_target,
                   "look at the target alone, not at all of the scene's bounding sphere"));
@@ -220,12 +220,12 @@ CameraRay<Float> Orthographic::generate(const Vec2<Float> &film, const Vec2<Floa
     const Vec3<Float> origin{1 - 2 * film.x, (1 - 2 * film.y) / aspect_, 0};
     CameraRay<Float> camera{world_ray(to_world, origin, Vec3<Float>{0, 0, 1}, near_clip, far_clip),
                             {pixel_, 0}};
-    // Orthographic cameras are zoomed by scaling them: that must not bring the far plane nearer.
+    // Orthographic cameras are zoomed by their scale, which must not change the distance of the far plane.
     camera.ray.far = camera.ray.near + (far_clip - near_clip);
     return camera;
 }
 
-// The lens is round in world space, and the focus distance measured there, however the picture is scaled.
+// The lens is a disk in world space, and the focus distance is measured there, for any scale of the camera.
 template <class Float>
 CameraRay<Float> Telecentric::generate(const Vec2<Float> &film, const Vec2<Float> &lens) const {
     CameraRay<Float> camera = Orthographic::generate(film, lens);

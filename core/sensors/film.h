@@ -1,5 +1,5 @@
 #pragma once
-// The film's size, the list of pixel filters, and the samplers a scene file may ask for.
+// The film's size, the list of pixel filters, and the samplers.
 
 #include <tuple>
 #include <variant>
@@ -54,8 +54,9 @@ struct TentFilter {
     static constexpr const char *doc = "Tent filter: linear falloff.";
     float filter_radius = 1;
     static constexpr auto fields() {
-        return std::tuple(
-            field("radius", &TentFilter::filter_radius, "where it vanishes").range(1e-3, 64).unit("pixels"));
+        return std::tuple(field("radius", &TentFilter::filter_radius, "distance at which it is zero")
+                              .range(1e-3, 64)
+                              .unit("pixels"));
     }
     float radius() const { return filter_radius; }
     float operator()(float x) const { return std::max(1 - std::abs(x) / filter_radius, 0.0f); }
@@ -127,8 +128,8 @@ struct LanczosFilter {
 using PixelFilter =
     std::variant<BoxFilter, TentFilter, GaussianFilter, MitchellFilter, CatmullRomFilter, LanczosFilter>;
 
-// Samples offsets from the pixel's centre in proportion to a filter's absolute value, tabulated. Where the
-// filter is negative the weight is.
+// Samples offsets from the pixel's centre by a table of a filter's absolute value. The weight has the sign of
+// the filter.
 class FilterSampler {
 public:
     template <class Float>
@@ -160,7 +161,7 @@ private:
     float radius_ = 0.5f;
 };
 
-// How many samples, and which sequence gives their random numbers.
+// The sample count, and the sequence of random numbers.
 
 struct SamplerBase {
     int sample_count = 4;

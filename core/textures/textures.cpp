@@ -22,8 +22,8 @@ const Shape *shape_at(const TexturePoint<float> &at) {
 }
 const TriangleMesh *mesh_at(const TexturePoint<float> &at) { return std::get_if<TriangleMesh>(shape_at(at)); }
 
-// The product of the principal curvatures of the surface that a mesh's vertex normals describe: the
-// determinant of the map from steps on the triangle to changes of the normal.
+// Gaussian curvature from a mesh's vertex normals: the determinant of the derivative of the normal by the
+// position on the triangle.
 float gaussian_curvature(const TriangleMesh &shape, const Hit<float> &hit) {
     const Mesh &mesh = *shape.mesh;
     if (shape.face_normals || mesh.normals.empty()) return 0;
@@ -41,7 +41,7 @@ float gaussian_curvature(const TriangleMesh &shape, const Hit<float> &hit) {
 float gaussian_curvature(const TexturePoint<float> &at) {
     if (const TriangleMesh *mesh = mesh_at(at)) return gaussian_curvature(*mesh, *at.hit);
     const bool is_sphere = std::get_if<Sphere>(shape_at(at));
-    return is_sphere ? sqr(at.hit->mean_curvature) : 0; // the others can be unrolled
+    return is_sphere ? sqr(at.hit->mean_curvature) : 0; // other shapes are developable
 }
 
 } // namespace
@@ -67,8 +67,7 @@ Rgb<Float> Bitmap::look_up(const TexturePoint<Float> &at) const {
     const Vec2<Float> position = point_in_uv(to_uv, at.uv);
     if (!at.filtered || !pixels.is_filtered()) return pixels.unfiltered(position);
     const Float round_level = level(at.hit->uv_footprint());
-    // A beam that a rough surface opened is blurred in every direction: its ellipse would cost and show
-    // nothing.
+    // A ray cone widened by a rough surface is blurred in all directions: its ellipse has no visible effect.
     const auto blurred = !(at.hit->footprint.spread < 0.05f);
     if (!pixels.is_elliptical() || all(blurred)) return pixels.trilinear(position, round_level);
     const UvEllipse<Float> ellipse = uv_ellipse(*at.hit, at.wo);
@@ -121,7 +120,7 @@ float Wireframe::interior(const TexturePoint<float> &at) const {
     const Triangle &t = mesh.triangles[static_cast<std::size_t>(at.hit->primitive)];
     const Vec3f a = mesh.positions[t[0]], b = mesh.positions[t[1]], c = mesh.positions[t[2]];
     const Vec2f bary = at.hit->barycentric;
-    // The height over an edge is the barycentric coordinate of the corner opposite times the whole height.
+    // Distance from an edge = barycentric coordinate of the opposite corner * height of the triangle.
     const float twice_area = EdgeCross<float>(b - a, c - a).area();
     const float nearest = twice_area * std::min({(1 - bary.x - bary.y) / length(c - b),
                                                  bary.x / length(c - a), bary.y / length(b - a)});

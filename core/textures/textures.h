@@ -1,5 +1,5 @@
 #pragma once
-// Textures, and how a model reads them at a hit.
+// Textures, and their evaluation at a hit.
 
 #include <memory>
 #include <span>
@@ -17,15 +17,15 @@
 
 namespace lajolla {
 
-// Where a texture is evaluated.
+// The point at which a texture is evaluated.
 template <class Float>
 struct TexturePoint {
     Vec2<Float> uv;
-    // With its shape, primitive, barycentrics and curvature; none: uv is all that counts.
+    // With its shape, primitive, barycentrics and curvature; null: only uv is used.
     const Hit<Float> *hit = nullptr;
     const Shape *shapes = nullptr; // all of them: shapes[hit->shape] was hit
-    Vec3<Float> wo;                // towards the viewer, where the texture is filtered
-    bool filtered = false;         // over the pixel's footprint; else at full resolution
+    Vec3<Float> wo;                // towards the viewer, if the texture is filtered
+    bool filtered = false;         // over the pixel's footprint; otherwise full resolution
 };
 
 // Derivatives of a texture by u and v.
@@ -43,7 +43,7 @@ Rgb<Float> read_either(const auto &read, BoolOf<Float> first, const Texture<Spec
     return select(first, read(a), read(b));
 }
 
-// For what is not worth lanes: evaluate(point) -> Spectrum in one lane after the other.
+// For textures without a SIMD version: calls evaluate(point) -> Spectrum for one lane after the other.
 inline Spectrum lane_by_lane(const TexturePoint<float> &at, const auto &evaluate) { return evaluate(at); }
 inline Rgb<WideFloat> lane_by_lane(const TexturePoint<WideFloat> &at, const auto &evaluate) {
     Rgb<WideFloat> result;
@@ -74,11 +74,11 @@ struct Bitmap {
     static constexpr auto fields() {
         return std::tuple(
             field("image", &Bitmap::image, "the pixels"),
-            field("filter_type", &Bitmap::filter_type, "how values between pixels are found"),
-            field("wrap_mode", &Bitmap::wrap_mode, "what lies outside the unit square"),
+            field("filter_type", &Bitmap::filter_type, "interpolation between pixels"),
+            field("wrap_mode", &Bitmap::wrap_mode, "values outside the unit square"),
             field("to_uv", &Bitmap::to_uv, "transform of texture coordinates before the look-up"),
             field("max_anisotropy", &Bitmap::max_anisotropy,
-                  "longest footprint of ewa filtering over its width; longer ones are widened")
+                  "maximum ratio of length to width of ewa footprints; longer ones are widened")
                 .range(1, 256));
     }
     void build();
@@ -174,7 +174,7 @@ struct ClampedTexture {
 
     static constexpr auto fields() {
         return std::tuple(field("texture", &ClampedTexture::texture, "what is clamped"),
-                          field("low", &ClampedTexture::low, "the smallest value, also of what is no number"),
+                          field("low", &ClampedTexture::low, "the smallest value; also replaces NaN"),
                           field("high", &ClampedTexture::high, "the largest value"));
     }
     void build();
@@ -205,7 +205,7 @@ struct MeshAttribute {
             field("scale", &MeshAttribute::scale, "factor on the values"));
     }
     void build();
-    // Black where the shape has no such attribute.
+    // Black if the shape has no such attribute.
     template <class Float>
     Rgb<Float> evaluate(const TexturePoint<Float> &at, const auto &) const {
         return lane_by_lane(at, [&](const auto &point) { return look_up(point); }) * Float(scale);

@@ -1,5 +1,5 @@
 #pragma once
-// Ambient occlusion: how much of a uniform sky a point could see if only nearby surfaces stood in the way.
+// Ambient occlusion: the fraction of a uniform sky that is not hidden by nearby surfaces.
 
 #include "base/sampler.h"
 #include "base/warp.h"
@@ -11,7 +11,7 @@ namespace lajolla {
 struct AmbientOcclusion {
     static constexpr const char *name = "ao";
     static constexpr const char *doc =
-        "Ambient occlusion: white where nothing is near in front of a surface; materials do not matter.";
+        "Ambient occlusion: white where no surface is nearby; materials are ignored.";
     int shading_samples = 1;
     float ray_length = -1;
 
@@ -20,7 +20,7 @@ struct AmbientOcclusion {
             field("shading_samples", &AmbientOcclusion::shading_samples, "rays per camera ray")
                 .range(1, 65536),
             field("ray_length", &AmbientOcclusion::ray_length,
-                  "what is farther away occludes nothing; negative: half the radius of the scene")
+                  "surfaces farther away do not occlude; negative: half the radius of the scene")
                 .range(-1)
                 .unit("m"));
     }

@@ -5,9 +5,9 @@
 
 namespace lajolla {
 
-// Alpha as in Mitsuba 3: 1 where a camera ray scatters or sees a light that is not hidden, 0 where it leaves
-// the scene. What lets a ray pass straight through is not there; the random numbers are those of the path,
-// and so is `medium`, which is in its first state.
+// Alpha as in Mitsuba 3: 1 if a camera ray scatters or hits a light that is not hidden, 0 if it leaves the
+// scene. Surfaces that it passes straight through do not count. Random numbers and `medium`, in its initial
+// state, are those of the path.
 template <class Medium>
 float coverage(const Scene &scene, Tracer &tracer, PrimaryRay &primary, bool hide_emitters, Medium medium) {
     if (!hide_emitters && scene.lights().has_environment()) return 1;

@@ -1,5 +1,5 @@
 #pragma once
-// Light that was scattered at most once, with any number of samples of lights and of the BSDF per camera ray.
+// Light scattered at most once, with any number of light samples and BSDF samples per camera ray.
 
 #include <algorithm>
 #include <stdexcept>
@@ -11,7 +11,7 @@ namespace lajolla {
 struct Direct {
     static constexpr const char *name = "direct";
     static constexpr const char *doc =
-        "Light that was scattered at most once; several samples per camera ray, if wanted.";
+        "Light that is scattered at most once, with one or more samples per camera ray.";
     int emitter_samples = 1, bsdf_samples = 1;
     bool hide_emitters = false;
 
@@ -21,7 +21,7 @@ struct Direct {
                 .range(0, 65536),
             field("bsdf_samples", &Direct::bsdf_samples, "samples of the BSDF per camera ray; 0 for none")
                 .range(0, 65536),
-            field("hide_emitters", &Direct::hide_emitters, "the camera looks through lights"));
+            field("hide_emitters", &Direct::hide_emitters, "lights are invisible to the camera"));
     }
 
     void build() {
@@ -36,12 +36,12 @@ struct Direct {
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const;
 
 private:
-    // Several samples of each strategy weigh as if their densities were so many times as high (Veach 1997,
-    // section 9.2.2). Only the ratio of these counts matters: it goes into the density of paths.
+    // n samples of a strategy are weighted as if its density were n times as high (Veach 1997, section
+    // 9.2.2). Only the ratio of the two counts matters: it is a factor of the density of paths.
     float directions_per_light() const {
         return static_cast<float>(bsdf_samples) / static_cast<float>(emitter_samples);
     }
-    // Follows a path up to the surface that stops it: scatter_at(hit).
+    // Follows a path through transparent surfaces, and calls scatter_at(hit) at the first other one.
     template <class F>
     void follow(const Scene &scene, Tracer &tracer, std::optional<RayHit> found, Path::Walk<Vacuum> &walk,
                 F &&scatter_at) const;
@@ -50,7 +50,7 @@ private:
     Spectrum sample_bsdf(const Scene &scene, Tracer &tracer, const Hit<float> &hit, const AnySurface &surface,
                          const BounceSample<float> &u) const;
 
-    Path path_; // its estimators are used
+    Path path_; // for its estimators
 };
 
 template <class F>

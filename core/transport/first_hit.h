@@ -1,5 +1,5 @@
 #pragma once
-// What is known of the first surface along a camera ray: for inspecting scenes, for denoisers, for teaching.
+// Properties of the first hit of a camera ray, for inspecting scenes, denoising and teaching.
 
 #include <array>
 
@@ -44,10 +44,10 @@ struct FirstHit {
     static constexpr auto fields() {
         return std::tuple(
             field("field", &FirstHit::quantity,
-                  "ray_cone is the radius and the spread of the pixel's beam, duv_dx what a pixel's step to "
-                  "the right changes"),
-            field("undefined", &FirstHit::undefined, "the value where no surface is"),
-            field("first_shape", &FirstHit::first_shape, "from which shape_index counts").range(0));
+                  "ray_cone is the radius and the spread of the ray cone, duv_dx the change of uv from one "
+                  "pixel to the next on the right"),
+            field("undefined", &FirstHit::undefined, "the value if there is no hit"),
+            field("first_shape", &FirstHit::first_shape, "the shape_index of the first shape").range(0));
     }
 
     Spectrum radiance(const Scene &scene, Tracer &, const Sampler &, PrimaryRay &primary) const {
@@ -61,8 +61,8 @@ private:
 
 namespace detail {
 
-// How u and v change from a hit to where another ray meets its tangent plane: the least-squares solution of
-// du dp_du + dv dp_dv = difference of the points. Nothing where the surface has no parametrisation.
+// (du, dv) from a hit to the point where another ray intersects its tangent plane: the least-squares solution
+// of du dp_du + dv dp_dv = p_other - p_hit. Zero if the surface has no parametrisation.
 inline Vec2f uv_difference(const Hit<float> &hit, const Ray<float> &other) {
     const float t = dot(hit.normal, hit.position - other.origin) / dot(hit.normal, other.direction);
     const Vec3f difference = other.origin + other.direction * t - hit.position;

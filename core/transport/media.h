@@ -1,6 +1,6 @@
 #pragma once
-// Participating media: distance sampling along paths, and transmittance along shadow rays.
-// docs/media.md derives the estimators; the names are the same.
+// Participating media: distance sampling along paths, and transmittance along shadow rays. docs/media.md
+// derives the estimators with the same names.
 
 #include <optional>
 #include <utility>
@@ -10,21 +10,21 @@
 
 namespace lajolla {
 
-// Flights and shadow rays with more collisions are black: a guard against volumes of which a
-// corner is a million times as dense as the rest of its cell of the majorant grid.
+// Flights and shadow rays with more collisions are black, in case one voxel is a million times as dense as
+// the rest of its cell of the majorant grid.
 inline constexpr int max_collisions = 1 << 16;
 
 // A sampled distance on a straight segment in a medium (free-flight sampling).
 struct Flight {
     std::optional<Vec3f> collision;    // position of the scattering event; none if the end is reached
     std::optional<Hit<float>> surface; // the end, if it is not the hit of the path's ray
-    Spectrum weight{1};                // of the light from there
-    Spectrum emitted{0};               // by the medium along the segment, weighted
-    float pdf = 1;                     // of reaching the end
+    Spectrum weight{1};                // multiplies the light from there
+    Spectrum emitted{0};               // radiance of the medium along the segment, weighted
+    float pdf = 1;                     // density of reaching the end
 };
 
-// A position near a surface, with more precision than coordinates have: light enters a dense medium no deeper
-// than a few ulps of them. Here the surface is a plane, and the medium is the same everywhere.
+// A position near a surface, with more precision than world coordinates: light enters a dense medium only a
+// few ulps deep. Here the surface is a plane, and the medium is homogeneous.
 class NearSurface {
 public:
     // A path at a hit, on the side of `direction`.
@@ -35,12 +35,12 @@ public:
     void move(const Vec3f &step) { offset_ += step; }
     bool reaches(float distance) const { return distance < radius(); }
 
-    // Where the medium is looked up, and rays start: as far from the surface as rays that leave it.
+    // The point at which the medium is evaluated and rays start: as far away as rays that leave the surface.
     Vec3f inside() const { return hit_.position + inwards_ * hit_.position_error; }
     Vec3f position() const { return hit_.position + offset_ + inwards_ * lift(); }
 
-    // How far a path can go along a direction before it is somewhere else, and whether it then meets the
-    // surface.
+    // The distance along a direction for which this approximation holds, and whether the surface is reached
+    // there.
     struct Way {
         float length;
         bool meets_surface;
@@ -53,10 +53,10 @@ public:
         return {meets ? to_surface : max(to_rim, 0.0f), meets};
     }
 
-    // What a ray from position() is from the true place, with the same end.
+    // A ray from position(), moved to start at the true position, with the same end.
     Ray<float> lowered(Ray<float> ray) const {
         const float cosine = dot(inwards_, ray.direction);
-        constexpr float least_cosine = 1.0f / 32; // what grazes the surface would start too far back
+        constexpr float least_cosine = 1.0f / 32; // at grazing angles the start would be too far back
         ray.far = max(ray.far + lift() / copysign(max(abs(cosine), least_cosine), cosine), ray.near);
         ray.origin = hit_.position + offset_;
         return ray;
@@ -69,7 +69,7 @@ private:
 
     Hit<float> hit_;
     Vec3f inwards_; // the normal on the path's side
-    Vec3f offset_;  // from the hit
+    Vec3f offset_;  // relative to the hit
 };
 
 // No media: the loop is compiled with this for scenes without them.
@@ -97,9 +97,9 @@ struct Vacuum {
     float path_pdf(const Transmittance &light) const { return light.path_pdf; }
 };
 
-// The state of a path in media. Distances are sampled by the extinction of one channel. Each of the
-// three could have been chosen, so the estimate is weighted by the balance heuristic over them (Miller et
-// al. 2019, "A null-scattering path integral formulation of light transport").
+// The state of a path in media. Distances are sampled by the extinction of one channel. Any of the three
+// could have been selected, so the estimate is weighted by the balance heuristic over them (Miller et al.
+// 2019, "A null-scattering path integral formulation of light transport").
 class InMedia {
 public:
     static constexpr bool present = true;
@@ -107,7 +107,7 @@ public:
     // The transmittance along a shadow ray.
     struct Transmittance {
         Spectrum weight{1};
-        Spectrum path_pdf{1}; // of a path coming this far, sampled by each channel: see Flight::pdf
+        Spectrum path_pdf{1}; // density of a path reaching this point, for each channel: see Flight::pdf
         float survival = 1;   // the probability that the ray was followed to its end
 
         Spectrum value() const { return weight / survival; }
@@ -124,7 +124,7 @@ public:
 
     std::int32_t current; // the medium that the ray is in, -1 for none
 
-    // Takes the numbers of the flight from a vertex, and of the shadow ray from there.
+    // Starts the random numbers of the flight from a vertex, and of the shadow ray from there.
     void next_flight(const Sampler &sampler, std::uint32_t vertex) { numbers_ = sampler.stream(2 * vertex); }
     InMedia for_shadow_ray(const Sampler &sampler, std::uint32_t vertex) const {
         InMedia result = *this;
@@ -140,21 +140,21 @@ public:
         else near_.reset();
     }
 
-    // Samples a flight up to the hit of a path's ray. `u` is a uniform number; its value afterwards
-    // has not been used.
+    // Samples a flight up to the hit of a path's ray. Consumes the uniform number `u`, and replaces it by one
+    // that is independent of the flight.
     Flight fly(const Scene &scene, Ray<float> ray, const std::optional<RayHit> &found, float &u);
 
-    // Attenuates light along the whole ray.
+    // Multiplies the transmittance by that of the whole ray.
     void attenuate(const Scene &scene, const Ray<float> &ray, Transmittance &light);
-    // The surface that a shadow ray meets at once, if it starts so near; attenuates its light up to there.
+    // The nearby surface that a shadow ray hits first, if any; multiplies the transmittance up to there.
     std::optional<Hit<float>> attenuate_to_surface(const Scene &scene, const Vec3f &direction,
                                                    Transmittance &light) const;
-    // The density of a path coming as far as the light, sampled by any channel.
+    // The density of a path reaching the light, averaged over the channels.
     float path_pdf(const Transmittance &light) const { return mean(density_ * light.path_pdf); }
 
 private:
-    // These add the next piece of a flight, on which the path collides after `thickness`; of that what is
-    // left, and the distance from the ray's origin if it collides.
+    // These add the next piece of a flight, on which the path collides when `thickness` is consumed, and
+    // return the distance from the ray's origin to the collision, if any.
     std::optional<float> fly(const Coefficients &even, float length, float &thickness, Flight &flight);
     std::optional<float> fly(const Homogeneous &model, const Media &media, const Ray<float> &ray,
                              float thickness, Flight &flight, float &u);
@@ -174,9 +174,9 @@ private:
     float draw(float &u) { return std::exchange(u, numbers_.next()); }
     float event(const Spectrum &f, const Spectrum &p, Spectrum &weight);
 
-    bool scatters_;       // otherwise scattering is left out: media absorb and emit only
-    std::size_t channel_; // that distances are sampled by, on the whole path
-    Spectrum density_{1}; // of the path so far, sampled by each channel, over the mean of the three
+    bool scatters_;       // otherwise media absorb and emit only
+    std::size_t channel_; // the channel by which the whole path samples distances
+    Spectrum density_{1}; // of the path so far, for each channel, divided by the mean of the three
     NumberStream numbers_;
     std::optional<NearSurface> near_; // where the path is, if it has just been at a surface
 };
@@ -199,8 +199,8 @@ inline float sample_thickness(float u) { return -log1p(-u); }
 
 } // namespace detail
 
-// The path goes on by an event that multiplies what it carries by f, and that has probability (or density)
-// p_c if distances are sampled by channel c. Returns that of the event by any of them.
+// Multiplies the weight for an event with contribution f and probability (or density) p_c if channel c is
+// selected: weight *= f / any. Returns any = mean(density p), its probability for an unknown channel.
 inline float InMedia::event(const Spectrum &f, const Spectrum &p, Spectrum &weight) {
     density_ *= p;
     const float any = mean(density_);
@@ -213,7 +213,7 @@ inline float InMedia::event(const Spectrum &f, const Spectrum &p, Spectrum &weig
     return any;
 }
 
-// In closed form. A medium that only absorbs has no collisions: its weight is exact.
+// In closed form. A medium that does not scatter has no collisions; its weight is exact.
 inline std::optional<float> InMedia::fly(const Coefficients &even, float length, float &thickness,
                                          Flight &flight) {
     const Spectrum sigma_t = even.sigma_t();
@@ -242,9 +242,8 @@ inline std::optional<float> InMedia::fly(const Homogeneous &, const Media &media
     return distance ? std::optional(ray.near + *distance) : std::nullopt;
 }
 
-// Delta tracking (Woodcock et al. 1965) below majorants that are constant in pieces. They are alike for all
-// channels, and for sampling lights: their densities cancel, and only what a collision turns out to be
-// counts.
+// Delta tracking (Woodcock et al. 1965) with piecewise constant majorants. They are equal for all channels
+// and for light sampling, so the densities of distances cancel, and only the types of the collisions count.
 inline std::optional<float> InMedia::fly(const Heterogeneous &model, const Media &media,
                                          const Ray<float> &ray, float thickness, Flight &flight, float &u) {
     std::optional<float> collision;
@@ -287,7 +286,7 @@ inline void InMedia::attenuate(const Homogeneous &, const Media &media, const Ra
 }
 
 // Ratio tracking (Novák et al. 2014, "Residual ratio tracking for estimating attenuation in participating
-// media"), which roulette ends where little is left.
+// media"), with Russian roulette at low transmittance.
 inline void InMedia::attenuate(const Heterogeneous &model, const Media &media, const Ray<float> &ray,
                                Transmittance &light) {
     float thickness = detail::sample_thickness(numbers_.next());
@@ -316,7 +315,7 @@ inline Flight InMedia::fly(const Scene &scene, Ray<float> ray, const std::option
     if (current < 0) return {};
     const Media &media = scene.media();
     const Ray<float> given = ray;
-    ray.near = 0; // a camera's near plane hides surfaces, not the medium before it
+    ray.near = 0; // a camera's near plane clips surfaces, not media
     if (found) ray.far = found->distance;
 
     Flight flight;

@@ -2,12 +2,11 @@
 // Path tracing. The radiance that leaves x_1 towards the camera is (Kajiya 1986; Veach 1997, chapters 8 to
 // 10)
 //
-//     L(x_1, wo) = Le(x_1, wo) + integral of f(wo, wi) L(x_2, -wi) |cos wi| dwi,  x_2 = what is seen from x_1
-//     along wi,
+//     L(x_1, wo) = Le(x_1, wo) + integral of f(wo, wi) L(x_2, -wi) |cos wi| dwi,
 //
-// and a path is extended from the camera vertex by vertex: `emitted` adds Le where the path hits
-// a light, `direct` estimates direct illumination by sampling lights, and
-// `scatter` samples wi for the rest. Light found by both techniques is weighted by multiple importance
+// where x_2 is the first point that the ray from x_1 along wi hits. A path is extended from the camera vertex
+// by vertex: `emitted` adds Le if the path hits a light, `direct` estimates direct illumination by sampling
+// lights, and `scatter` samples wi. Light found by both techniques is weighted by multiple importance
 // sampling.
 //
 // The functions are templates over the number type. Here, they follow one path to its end (depth first)
@@ -26,14 +25,14 @@
 
 namespace lajolla {
 
-// Which estimators of direct light are used; all have the same mean.
+// The estimators of direct light that are used; all have the same mean.
 enum class Strategy { mis, bsdf, light };
 constexpr auto choices(Strategy) { return std::array{"mis", "bsdf", "light"}; }
 
-// Depth from which roulette applies in any case, so that every path ends.
+// The depth from which Russian roulette always applies, so that every path ends.
 inline constexpr int longest_without_roulette = 4096;
-// The highest survival probability at surfaces. In media, where light is scattered thousands of times without
-// losing much, it would increase variance: paths that have lost nothing continue there.
+// The highest survival probability at surfaces. It does not apply in media: light that is scattered thousands
+// of times without losing energy would have a high variance.
 inline constexpr float highest_survival = 0.95f;
 
 // The state of a path, or of one in each lane.
@@ -41,18 +40,17 @@ template <class Float>
 struct PathState {
     Ray<Float> ray;
     RayCone<Float> cone;
-    Vec3<Float> from;           // the vertex that the path left last, or the camera
-    Float pdf = 1;              // of the ray's direction and of reaching the current distance
+    Vec3<Float> from;           // the last vertex, or the camera
+    Float pdf = 1;              // of the ray's direction, and of reaching the current distance
     BoolOf<Float> delta = true; // light sampling cannot produce this direction
     Rgb<Float> throughput{1};
     Float eta = 1; // index of refraction at the ray, relative to the camera's
-    // A uniform number for the next event along the ray: a collision in a medium, else passing
-    // straight through a surface, else the selection of a leaf of a blend. Each decision leaves a number for
-    // the next.
+    // A uniform number for the next events along the ray: collision in a medium, null transmission, selection
+    // of a leaf of a blend. Each decision replaces it by a new uniform number.
     Float u_event = 0;
     IntOf<Float> depth = 1;              // segments so far
     IntOf<Float> block = 1;              // of the sampler's numbers
-    IntOf<Float> null_transmissions = 0; // surfaces that the path went straight through
+    IntOf<Float> null_transmissions = 0; // number of surfaces that the path passed straight through
 };
 
 struct Path {
@@ -69,7 +67,7 @@ struct Path {
                 .range(-1),
             field("rr_depth", &Path::rr_depth, "bounces before Russian roulette may end a path, 4096 at most")
                 .range(0),
-            field("hide_emitters", &Path::hide_emitters, "the camera looks through lights"),
+            field("hide_emitters", &Path::hide_emitters, "lights are invisible to the camera"),
             field("strategy", &Path::strategy, "sample lights, BSDFs, or both weighted by their densities"));
     }
 
@@ -86,7 +84,7 @@ struct Path {
         return path;
     }
 
-    // Le of what the ray hit, weighted against sampling the light.
+    // Le at the ray's hit, with its MIS weight against light sampling.
     template <class Float>
     Rgb<Float> emitted(const Scene &scene, const PathState<Float> &path, const Hit<Float> &hit) const {
         const Rgb<Float> radiance = scene.lights().emitted(hit, -path.ray.direction);
@@ -94,7 +92,7 @@ struct Path {
         if (!all(path.delta)) light_pdf = scene.lights().pdf_hit(path.from, hit, path.ray.direction);
         return radiance * weight_of_hit(path, light_pdf);
     }
-    // The same for environment light, for a ray without hit.
+    // The same for environment light, for a ray without a hit.
     template <class Float>
     Rgb<Float> environment(const Scene &scene, const PathState<Float> &path) const {
         const Rgb<Float> radiance = scene.lights().environment(path.ray.direction);
@@ -103,13 +101,13 @@ struct Path {
         return radiance * weight_of_hit(path, light_pdf);
     }
 
-    // Whether a light's sample can add anything to a path.
+    // Whether light samples can contribute to a path.
     template <class Float>
     BoolOf<Float> counts(const DirectSample<Float> &light) const {
         return light.pdf != 0.0f && (light.delta || BoolOf<Float>(strategy != Strategy::bsdf));
     }
-    // What light from a sampled point adds to the radiance that a vertex scatters, if nothing is in between:
-    // f Le |cos| over the density, weighted against hitting the light by a path, which comes as far as it
+    // The contribution of a light sample to the scattered radiance of a vertex, without occlusion:
+    // f Le |cos| / pdf, with its MIS weight against hitting the light by a path, which reaches that distance
     // with probability `path_pdf`.
     template <class Float>
     Rgb<Float> direct(const DirectSample<Float> &light, const BsdfEval<Float> &bsdf, Float path_pdf) const {
@@ -117,8 +115,8 @@ struct Path {
         return bsdf.f_cos * light.radiance * (weight / (light.pdf * sqr(bsdf.eta)));
     }
 
-    // Continues a path from a surface in a sampled direction. Radiance over eta^2 is constant
-    // along a ray that refracts (Veach 1997, section 5.2).
+    // Continues a path from a surface in a sampled direction. Refraction does not change L / eta^2 (Veach
+    // 1997, section 5.2).
     template <class Float>
     static void scatter(const Scene &scene, const Hit<Float> &hit, const BsdfSample<Float> &sample,
                         BoolOf<Float> delta, PathState<Float> &path) {
@@ -133,8 +131,8 @@ struct Path {
         path.depth += 1;
         path.null_transmissions = 0;
     }
-    // Russian roulette on the throughput without eta^2, so that paths entering glass are not terminated;
-    // `highest` survival probability. False if the path ends.
+    // Russian roulette on the throughput without eta^2, so that paths entering glass are not terminated.
+    // `highest` bounds the survival probability. Returns false if the path ends.
     template <class Float>
     BoolOf<Float> survives(const BounceSample<Float> &u, float highest, PathState<Float> &path) const {
         path.u_event = u.event;
@@ -160,8 +158,8 @@ struct Path {
         path.null_transmissions += 1;
     }
 
-    // Decides whether a path passes straight through the surface it hit, as through all that are
-    // `hidden`; then does so.
+    // Decides whether a path passes straight through the surface it hit, always if that is `hidden`, and
+    // continues it there.
     template <class Medium>
     static bool passes_through(const Scene &scene, const Hit<float> &hit, bool hidden, PathState<float> &path,
                                Medium &medium) {
@@ -181,7 +179,7 @@ struct Path {
         Medium medium;
         Spectrum radiance{0};
     };
-    // Follows a path along its ray to its hit, and continues it; false if it ends.
+    // Follows a path along its ray to its hit, and continues it; returns false if it ends.
     template <class Medium>
     bool step(const Scene &scene, Tracer &tracer, const Sampler &sampler, const std::optional<RayHit> &found,
               Walk<Medium> &walk) const;
@@ -190,18 +188,18 @@ struct Path {
     enum class Outcome { passed, stopped, ended };
     template <class Medium>
     Outcome meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const;
-    // Adds environment light for a ray without hit.
+    // Adds environment light for a ray without a hit.
     template <class Medium>
     void leave_scene(const Scene &scene, Walk<Medium> &walk) const;
 
-    // Light from a sampled point on a light that is scattered at a vertex along the
-    // path. For each such sample there are `directions` of the BSDF.
+    // The scattered radiance of a light sample at a vertex. For each light sample there are `directions`
+    // samples of the BSDF.
     template <class Vertex, class Medium>
     Spectrum direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex,
                           const BounceSample<float> &u, const Medium &medium, float directions = 1) const;
 
 protected:
-    // What the lower versions of `volpath` omit.
+    // Settings for the lower versions of `volpath`.
     bool surfaces_scatter = true, media_scatter = true;
 
     // The radiance along a camera ray.
@@ -209,19 +207,18 @@ protected:
     Spectrum trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const;
 
 private:
-    // The weight of radiance found by hitting a light that light sampling picks with density `light_pdf`.
+    // The MIS weight of hitting a light that light sampling samples with density `light_pdf`.
     template <class Float>
     Float weight_of_hit(const PathState<Float> &path, Float light_pdf) const;
-    // The weight of radiance found by sampling a light that the path itself hits with density `path_pdf`.
+    // The MIS weight of sampling a light that the path hits with density `path_pdf`.
     template <class Float>
     Float weight_of_light(const DirectSample<Float> &light, Float path_pdf) const;
 
-    // Follows the ray through the medium that it is in, up to what was found, or to where the path collides
-    // before.
+    // Follows the ray through its medium to the hit, or to a collision before it.
     Flight cross_medium(const Scene &scene, const std::optional<RayHit> &found, Walk<InMedia> &walk) const;
     void scatter_in_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                            const BounceSample<float> &u, const Vec3f &collision, Walk<InMedia> &walk) const;
-    // Scatters the path at a surface; false where it ends.
+    // Scatters the path at a surface; returns false if it ends.
     template <class Medium>
     bool scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                             const BounceSample<float> &u, const Hit<float> &hit, Walk<Medium> &walk) const;
@@ -367,7 +364,7 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
     if (path.depth == max_depth || !surfaces_scatter) return false;
     if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return false;
     if (!is_finite(path.throughput)) [[unlikely]] {
-        walk.radiance = path.throughput; // counted by the caller
+        walk.radiance = path.throughput; // the caller counts it
         return false;
     }
     return goes_on(sampler, u, highest_survival, walk);

@@ -1,5 +1,5 @@
 #pragma once
-// Where a sample lies on the film, the camera's ray through it, and what the ray meets.
+// The position of a sample on the film, its camera ray, and the first hit of the ray.
 
 #include <optional>
 
@@ -8,7 +8,7 @@
 
 namespace lajolla {
 
-// One sample of one pixel; pixels count over the whole film.
+// One sample of one pixel; x and y are pixels of the whole film, not of the crop window.
 struct SampleId {
     std::uint32_t x, y, index;
 };
@@ -16,7 +16,7 @@ struct SampleId {
 template <class Float>
 struct FilmSample {
     CameraRay<Float> camera;
-    Float weight; // what its place under the pixel filter counts
+    Float weight; // the pixel filter's weight of its position
 };
 
 // `x` and `y` are pixels of the whole film.
@@ -34,8 +34,8 @@ FilmSample<Float> sample_film(const Scene &scene, const CameraSample<Float> &u, 
     return result;
 }
 
-// A camera ray, which has to stay, and what it meets first: found when somebody asks, and once for all that
-// is recorded of a sample.
+// A camera ray and its first hit, which is computed on first use and shared by all channels of a sample.
+// Keeps a reference to the ray.
 class PrimaryRay {
 public:
     PrimaryRay(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera)
@@ -47,7 +47,7 @@ public:
         traced_ = true;
         return found_;
     }
-    // Everything about it.
+    // The first hit with all its properties.
     const std::optional<Hit<float>> &hit() {
         if (!hit_ && found()) hit_.emplace(scene_.hit(camera_.ray, *found_, camera_.cone));
         return hit_;

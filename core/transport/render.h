@@ -1,6 +1,6 @@
 #pragma once
 // The list of integrators, and the driver: samples of all pixels, in tiles, on many threads. The result
-// depends on the scene, the seed and the sample range alone.
+// depends only on the scene, the seed and the sample range.
 
 #include <atomic>
 #include <cstdint>
@@ -19,7 +19,7 @@ namespace lajolla {
 
 using Integrator = std::variant<Path, VolPath, Direct, AmbientOcclusion, FirstHit>;
 
-// What a channel beside red, green and blue records of a sample.
+// The value that a channel beside red, green and blue records for each sample.
 enum class Recorded { rgb, xyz, alpha, one };
 constexpr auto choices(Recorded) { return std::array{"rgb", "xyz", "alpha", "one"}; }
 
@@ -28,37 +28,37 @@ struct Channel {
     int source = 0; // an integrator of the output; 0 is the one of the picture
     Recorded recorded = Recorded::rgb;
     int component = 0;
-    bool squared = false; // of every sample: for second moments
+    bool squared = false; // square each sample: for second moments
 
     static constexpr auto fields() {
         return std::tuple(field("label", &Channel::label, "its name in a file"),
-                          field("source", &Channel::source, "0: the picture's integrator").range(0),
+                          field("source", &Channel::source, "0 is the picture's integrator").range(0),
                           field("recorded", &Channel::recorded, "`one` is 1 everywhere"),
                           field("component", &Channel::component, "of rgb or xyz").range(0, 2),
-                          field("squared", &Channel::squared, "of every sample: for second moments"));
+                          field("squared", &Channel::squared, "squares each sample, for second moments"));
     }
 };
 
-// What is rendered: the picture, whose red, green and blue are the first three channels, and what is recorded
-// beside it. All of a sample's channels belong to one camera ray and one place under the pixel filter.
+// The output of a render: the picture, whose red, green and blue are the first three channels, and other
+// channels. All channels of a sample share its camera ray and its filter weight.
 struct Output {
-    Integrator integrator;          // of the picture
+    Integrator integrator;          // renders the picture
     std::vector<Integrator> others; // for channels: source 1 and so on
     std::vector<Channel> channels;
 
     std::size_t channel_count() const { return 3 + channels.size(); }
 };
 
-// Which samples to take.
+// The samples to take.
 struct Job {
     SequenceKind sequence;
     std::uint32_t seed;
     std::uint32_t first, count; // sample indices of every pixel
     int threads;                // 0: as many as the machine has
-    bool one_lane = false;      // follow one path after the other, for the same picture
+    bool one_lane = false;      // follow one path after the other, with the same result
 };
 
-// What rendering reports besides the picture.
+// Statistics of a render.
 struct Report {
     static constexpr std::size_t kept_samples = 16;
     std::uint64_t rays = 0;
@@ -66,7 +66,7 @@ struct Report {
     std::vector<SampleId> nonfinite_samples; // the first of them, in the order of tiles
 };
 
-// How far a running job is, and whether to stop it.
+// The progress of a running job, and whether to stop it.
 struct Progress {
     std::atomic<std::uint64_t> pixels{0};
     std::atomic<bool> cancelled{false};
@@ -77,11 +77,11 @@ Spectrum sample_radiance(const Scene &scene, const Integrator &integrator, Seque
                          std::uint32_t seed, SampleId id, Tracer &tracer);
 
 // Adds the job's samples, in order, to the sums of the crop window's pixels: channel_count() doubles each,
-// row by row. Returns nothing where the job was cancelled; the sums are meaningless then.
+// row by row. Returns nullopt if the job was cancelled; the sums are then invalid.
 std::optional<Report> render(const Scene &scene, const Output &output, const Job &job, std::span<double> sums,
                              Progress &progress);
 
-// The rays of a job, one list per tile, and the time in seconds that the ray tracer alone takes for them.
+// The rays of a job, one list per tile; and the time in seconds that Embree takes for them.
 using Recording = std::vector<std::vector<RecordedRay>>;
 Recording record(const Scene &scene, const Output &output, const Job &job);
 double replay_seconds(const Scene &scene, const Recording &recording, int threads);

@@ -1,6 +1,6 @@
 #pragma once
-// Where a path is scattered: the two kinds of vertices, alike in what light sampling asks of them. Values of
-// eval() are for light from wi that goes on along the path.
+// The two kinds of vertices at which a path is scattered, with the same interface for light sampling. eval()
+// is for light from wi that continues along the path.
 
 #include "scene/scene.h"
 

@@ -6,12 +6,11 @@
 
 namespace lajolla {
 
-// The maximum number of surfaces that a path or shadow ray passes straight through,
-// so that every one ends.
+// The maximum number of surfaces that a path or shadow ray passes straight through, so that all end.
 inline constexpr int max_null_transmissions = 1024;
 
-// From a point towards a sampled light, ending before its surface. `light.target` clears the error of the
-// light's own coordinates; the end clears those of a far away viewer's too.
+// A ray from a point to a sampled light, ending before its surface. `light.target` is beyond the rounding
+// error of the light's coordinates; the ray's end also beyond that of a distant point's coordinates.
 template <class Float>
 Ray<Float> shadow_ray(const Vec3<Float> &origin, Float origin_error, const DirectSample<Float> &light) {
     const auto distant = light.distance == infinity;
@@ -20,7 +19,7 @@ Ray<Float> shadow_ray(const Vec3<Float> &origin, Float origin_error, const Direc
             select(distant, Float(infinity), far)};
 }
 
-// Multiplies a shadow ray's transmittance by that of a surface; false if it is opaque.
+// Multiplies a shadow ray's transmittance by that of a surface; returns false if it is opaque.
 template <class Medium>
 bool pass(const Scene &scene, const Hit<float> &hit, const DirectSample<float> &light, auto &&attenuate,
           Medium &medium, typename Medium::Transmittance &result) {
@@ -32,9 +31,9 @@ bool pass(const Scene &scene, const Hit<float> &hit, const DirectSample<float> &
     return true;
 }
 
-// The radiance of a sampled light times the transmittance of its shadow ray, whose first hit is given; 0 if
-// an opaque surface is in between. `error` is that of the vertex, before whose
-// light each part of the ray ends.
+// The transmittance of a shadow ray to a sampled light, starting with its first hit `found`; nullopt if an
+// opaque surface is in between. `error` is the position error of the vertex: each part of the ray ends before
+// the light by at least this.
 template <class Medium>
 std::optional<typename Medium::Transmittance>
 transmittance(const Scene &scene, Tracer &tracer, Ray<float> ray, std::optional<RayHit> found, float error,
@@ -56,7 +55,7 @@ transmittance(const Scene &scene, Tracer &tracer, Ray<float> ray, std::optional<
     return result;
 }
 
-// The same of the shadow ray from a vertex. `medium` draws its numbers for this ray.
+// The same for the shadow ray from a vertex. `medium` provides the random numbers for this ray.
 template <class Vertex, class Medium>
 std::optional<typename Medium::Transmittance> transmittance(const Scene &scene, Tracer &tracer,
                                                             const Vertex &vertex,

@@ -14,9 +14,8 @@ struct VolPath : Path {
             Path::fields(),
             std::tuple(
                 field("version", &VolPath::version,
-                      "what is rendered: 1 absorption alone, 2 what media scatter once, 3 more than once and "
-                      "found by sampling phase functions, 4 lights too, 5 surfaces too, 6 all media: alike "
-                      "with 5")
+                      "1 absorption only; 2 single scattering; 3 multiple scattering by phase function "
+                      "sampling; 4 light sampling as well; 5 surfaces as well; 6 all media, the same as 5")
                     .range(1, 6)));
     }
 
@@ -33,7 +32,7 @@ struct VolPath : Path {
         if (is_vacuum(scene)) return trace<Vacuum>(scene, tracer, sampler, primary);
         return trace<InMedia>(scene, tracer, sampler, primary);
     }
-    // What a camera ray goes through.
+    // The media that a camera ray starts in.
     InMedia medium(const Scene &scene, const CameraRay<float> &camera, const Sampler &sampler) const {
         return InMedia(scene, camera, sampler, media_scatter);
     }

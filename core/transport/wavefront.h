@@ -1,11 +1,10 @@
 #pragma once
 // Many paths at a time (Laine et al. 2013, "Megakernels Considered Harmful: Wavefront Path Tracing on GPUs"):
-// what transport/path.h does to one path, done to the same vertex of hundreds. A step traces all rays in
-// packets, sorts what they hit by material, and lets the lanes of the processor's vectors scatter paths that
-// share one, so that a lobe is of one model with one set of parameters. Shadow rays are collected and traced
-// in packets too.
+// the functions of transport/path.h for one vertex of hundreds of paths. A step traces all rays in packets,
+// sorts the hits by material, and scatters paths of the same material in SIMD lanes, which then share the
+// model and its parameters. Shadow rays are collected and traced in packets too.
 //
-// A path's numbers depend on nothing but itself, so that the result is that of following it alone, bit for
+// A path's random numbers do not depend on other paths, so the result equals that of single paths, bit for
 // bit.
 
 #include <span>
@@ -22,7 +21,7 @@ public:
 
     Wavefront(const Scene &scene, const Path &integrator);
 
-    // The radiance of samples, at most `capacity`, and what they count under the pixel filter.
+    // The radiance and the filter weights of samples, at most `capacity`.
     void render(std::span<const SampleId> ids, SequenceKind sequence, std::uint32_t seed, Tracer &tracer,
                 std::span<Spectrum> radiance, std::span<float> weights);
 
@@ -38,7 +37,7 @@ private:
     struct alignas(16) StoredShadowRay {
         float origin[3], far, direction[3];
         std::int32_t sample;
-        float value[4]; // what arrives along it if nothing is in the way
+        float value[4]; // its contribution if it is not occluded
     };
     // Paths that hit the same material.
     struct Group {
@@ -58,17 +57,16 @@ private:
     void gather_environment(std::span<const std::int32_t> paths);
     void gather_emission(std::span<const std::int32_t> paths);
     void follow_one_by_one(std::span<const std::int32_t> paths, Tracer &tracer);
-    // Which of the hits a BSDF scatters: all of them, or those that are seen from one side.
+    // The hits that a BSDF scatters: all of them, or those on one side.
     enum class Sides { front, both, front_only, back_only };
     template <class Model>
     void scatter(const Model &model, const BsdfTraits &traits, Sides sides,
                  std::span<const std::int32_t> paths, Tracer &tracer);
-    // The same of a material that is a tree: blends, masks and maps around BSDFs.
+    // The same for a material that is a tree: blends, masks and maps around BSDFs.
     void scatter_tree(const Material &material, std::span<const std::int32_t> paths, Tracer &tracer);
 
     struct Vertex;
-    // What is done with a BSDF at a vertex: lights are sampled, or the direction in which the path goes on,
-    // or both.
+    // What to do at a vertex: sample lights, or the next direction, or both.
     enum class Task { sample_light, sample_direction, both };
     template <class Model>
     void scatter_at(const Vertex &vertex, const Model &model, const BsdfTraits &traits,
@@ -77,12 +75,12 @@ private:
     void scatter_at(const Vertex &vertex, std::int32_t bsdf, const MappedNormal<WideFloat> &normal,
                     WideBool turned, WideBool active, WideFloat share, Task task, Tracer &tracer);
 
-    // The paths that lanes work on, and the samples that they belong to.
+    // The paths in the lanes, and their samples.
     struct Packet {
         alignas(64) std::int32_t paths[lanes], samples[lanes];
         WideBool active;
     };
-    // A vertex of the path in each lane, where it is scattered.
+    // The vertex at which the path in each lane is scattered.
     struct Vertex {
         const Packet &packet;
         const PathState<WideFloat> &path;
@@ -113,13 +111,13 @@ private:
     std::vector<bool> transmits_;              // whether light may pass straight through a shape
     std::vector<std::uint32_t> group_sizes_;   // by material, zero between steps
 
-    std::vector<Sampler> samplers_; // of the samples that are rendered
+    std::vector<Sampler> samplers_; // of the current samples
     std::span<Spectrum> radiance_;
 
     std::size_t count_ = 0, next_count_ = 0, shadow_count_ = 0;
     std::vector<StoredPath> paths_, next_;
     std::vector<StoredHit> hits_;
-    std::vector<std::int32_t> shapes_, instances_; // that were hit
+    std::vector<std::int32_t> shapes_, instances_; // of the hits
     std::vector<StoredShadowRay> shadow_rays_;
     std::vector<Group> groups_;
     std::vector<std::int32_t> order_; // paths, group by group

@@ -51,12 +51,12 @@ relative MSE, which is the mean of (A - B)^2 / (B^2 + 0.01).""",
     "list": """\
 examples:
   lajolla list                              every plugin by its kind
-  lajolla list bsdf                         those of a kind
+  lajolla list bsdf                         all plugins of a kind
   lajolla list bsdf roughconductor          parameters, ranges, defaults, units""",
     "completion": """\
 examples:
   lajolla completion bash > ~/.local/share/bash-completion/completions/lajolla
-  lajolla completion zsh > ~/.zfunc/_lajolla          a folder that $fpath has
+  lajolla completion zsh > ~/.zfunc/_lajolla          a folder in $fpath
   lajolla completion fish > ~/.config/fish/completions/lajolla.fish""",
 }
 
@@ -145,11 +145,11 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     adders: dict[str, tuple[str, Callable[[Parser], None]]] = {
         "render": ("render a scene", _add_render),
-        "check": ("read a scene; print what is in it, and every warning", _add_check),
+        "check": ("open a scene; print statistics and warnings", _add_check),
         "convert": ("write a scene as a file for Mitsuba 3", _add_convert),
-        "compare": ("measure how far one picture is from another", _add_compare),
+        "compare": ("measure the difference between two pictures", _add_compare),
         "list": ("show the plugins and their parameters", _add_list),
-        "completion": ("print what makes a shell complete our options", _add_completion),
+        "completion": ("print a script that completes commands and options in a shell", _add_completion),
     }
     parsers = {}
     for name, (help_text, add) in adders.items():
@@ -201,7 +201,7 @@ def _add_scene(parser: Parser) -> None:
     group.add_argument(
         "--sampler",
         choices=("sobol", "independent"),
-        help="sampler, instead of sobol, which has the least noise",
+        help="sampler to use, whichever the scene names (default: sobol, which has the least noise)",
     )
     group.add_argument(
         "--integrator",
@@ -225,7 +225,7 @@ def _add_render(parser: Parser) -> None:
         action="append",
         metavar="OUT",
         help=f"picture to write, {ENDINGS} and others; - is standard output; repeatable (default: the "
-        "scene's name with the endings that its film asks for, as a rule .exr and .png)",
+        "scene's name with the endings for its film, usually .exr and .png)",
     )
     group.add_argument(
         "--format",
@@ -302,7 +302,7 @@ def _add_completion(parser: Parser) -> None:
 
 
 def _whole(option: str) -> Callable[[str], int]:
-    """A parser of a whole number that the option may be."""
+    """A parser for the value of an option that is one whole number."""
 
     def parsed(text: str) -> int:
         (value,) = _numbers(option, text, ",", "a whole number")
@@ -312,7 +312,7 @@ def _whole(option: str) -> Callable[[str], int]:
 
 
 def _numbers(option: str, text: str, separator: str, form: str) -> tuple[int, ...]:
-    """Whole numbers that an option may be; `form` describes the expected format."""
+    """Parses an option's whole numbers and checks their ranges; `form` describes the expected format."""
     try:
         values = tuple(int(part) for part in text.split(separator))
     except ValueError:
@@ -356,7 +356,7 @@ def _definition(text: str) -> tuple[str, str]:
 
 
 def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list[argparse.Namespace]:
-    """A command like this for each sensor, with files of its own: "a.exr" becomes "a-NAME.exr"."""
+    """A copy of the command for each sensor, with other output files: "a.exr" becomes "a-NAME.exr"."""
     if not names:  # it has one that its file does not name
         return [_for_sensor(arguments, None, "")]
     if len(names) > 1:
@@ -368,7 +368,7 @@ def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list
 
 
 def _refuse_devices(arguments: argparse.Namespace, count: int) -> None:
-    """Standard output takes one picture, a pipe one file of any kind."""
+    """Checks that standard output gets at most one picture, and a pipe at most one file."""
     found = [path for path in arguments.outputs or [] if _is_stream(path)]
     stats = arguments.stats
     if stats is not None and str(stats) not in STREAMS and stats.is_fifo():

@@ -65,11 +65,11 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
 
 
 def _check_memory_limit() -> None:
-    """Refuses to start where there is not even memory for the libraries: some of them abort then."""
+    """Raises an error if there is too little memory for the libraries, because some of them would abort."""
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
-        told = f"the limit (ulimit -v) is {limit >> 20} MiB, and {LEAST_MEMORY >> 20} MiB are the least"
-        raise UsageError(f"not enough memory: {told}")
+        limits = f"the limit (ulimit -v) is {limit >> 20} MiB, the minimum {LEAST_MEMORY >> 20} MiB"
+        raise UsageError(f"not enough memory: {limits}")
 
 
 def _run_command(arguments: argparse.Namespace) -> int:

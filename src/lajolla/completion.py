@@ -1,4 +1,4 @@
-"""`lajolla completion`: what makes a shell complete commands, options, and the values that options take."""
+"""`lajolla completion`: scripts that complete commands, options and their values in a shell."""
 
 from __future__ import annotations
 

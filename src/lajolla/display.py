@@ -50,9 +50,9 @@ def discard(stream: TextIO) -> None:
 
 
 def open_streams() -> None:
-    """Puts something in the place of standard streams that are closed: files would get their numbers.
+    """Replaces closed standard streams, because files would get their descriptors.
 
-    Messages are lost then, but results have to go somewhere: writing them fails.
+    Messages are then lost, but writing results is an error.
     """
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         try:

@@ -1,4 +1,4 @@
-"""Handling of Ctrl-C and SIGTERM: rendered samples are saved, and unwanted work stops at once."""
+"""Handling of Ctrl-C and SIGTERM: renders save their samples so far; other work stops at once."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupt(KeyboardInterrupt):
-    """One of the signals."""
+    """SIGINT or SIGTERM was received."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
-        self.exit_code = 128 + number  # as a shell has it
+        self.exit_code = 128 + number  # as in shells
 
 
 def end_at_once(number: int, frame: FrameType | None, message: str = "nothing was written") -> NoReturn:
-    """A handler for times when there is nothing to save.
+    """A signal handler that ends the process, for use while there is nothing to save.
 
-    An exception would not do: it can come in the middle of an import, or of a callback that drops it.
+    It does not raise an exception, because an import or a callback could be interrupted and drop it.
     """
-    _tell(f"interrupted; {message}")
+    _print_error(f"interrupted; {message}")
     os._exit(128 + number)
 
 
-def _tell(message: str) -> None:
-    """Writes a line to standard error without Python's buffers: a handler may interrupt a `print`."""
+def _print_error(message: str) -> None:
+    """Writes a line to standard error without Python's buffers, because a handler may interrupt a `print`."""
     with suppress(OSError):
         os.write(2, f"lajolla: {message}\n".encode())
 
@@ -42,27 +42,27 @@ def _tell(message: str) -> None:
 def handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
     """Installs a signal handler; ignored signals, as in a shell's background jobs, stay ignored."""
     previous = {number: signal.getsignal(number) for number in SIGNALS}
-    heard = [number for number in SIGNALS if previous[number] != signal.SIG_IGN]
-    for number in heard:
+    handled = [number for number in SIGNALS if previous[number] != signal.SIG_IGN]
+    for number in handled:
         signal.signal(number, handler)
     try:
         yield
     finally:
-        for number in heard:
+        for number in handled:
             signal.signal(number, previous[number])
 
 
 def unblock() -> None:
-    """Hears signals from now on, those too that came while the launcher had them blocked: Python, when it
-    starts, answers Ctrl-C with a traceback."""
+    """Unblocks the signals, and delivers pending ones. The launcher blocks them because Python, while it
+    starts, prints a traceback for Ctrl-C."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
 
 
 class Patience:
-    """A handler for work that ends in a save: the first signal stops the work, the next one while saving is
-    answered, and one more ends the program.
+    """A handler for work that ends in a save: the first signal stops the work, the second one prints a hint,
+    and the third one ends the program without saving.
 
-    It only records: an exception would come anywhere, and what it comes into may drop it.
+    It only records signals: an exception could be raised anywhere, and be dropped by the interrupted code.
     """
 
     def __init__(self, result: str) -> None:
@@ -78,7 +78,8 @@ class Patience:
             end_at_once(number, frame, f"{self.result} may not be there")
         if self.saving or not first:
             self.warned = True
-            _tell(f"{'saving' if self.saving else 'stopping'}; press Ctrl-C again to quit without saving")
+            step = "saving" if self.saving else "stopping"
+            _print_error(f"{step}; press Ctrl-C again to quit without saving")
 
     def stopping(self, observe: Callable[[Any], None]) -> Callable[[Any], None]:
         """A progress callback that raises a pending interrupt, and otherwise calls another callback."""
@@ -91,7 +92,7 @@ class Patience:
         return observe_or_stop
 
     def save(self, action: Callable[..., Any], *arguments: Any) -> None:  # noqa: ANN401
-        """Runs a function in another thread: libraries may take long, and this thread gets the signals."""
+        """Runs a function in another thread, so that this one handles signals during long library calls."""
         self.saving = True
         import threading
         from concurrent.futures import Future
@@ -107,6 +108,6 @@ class Patience:
 
         try:
             threading.Thread(target=work).start()
-        except RuntimeError:  # there is no memory for another thread
+        except RuntimeError:  # not enough memory for another thread
             work()
         done.result()

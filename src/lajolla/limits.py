@@ -1,18 +1,18 @@
-"""What numbers options may be, from Python and on the command line; it loads nothing of the renderer."""
+"""Ranges of numeric options, for Python and the command line. Does not import the renderer."""
 
 from collections.abc import Sequence
 from typing import SupportsIndex
 
-MOST_SAMPLES = 2**30  # of a pixel, as in the core
-LARGEST = 65536  # side of a picture
+MOST_SAMPLES = 2**30  # per pixel, as in the core
+LARGEST = 65536  # width or height of a picture
 
-# The least and the greatest of each option's numbers, whatever the scene.
+# Minimum and maximum of each number of an option, for any scene.
 LIMITS: dict[str, tuple[tuple[int, int], ...]] = {
     "spp": ((1, MOST_SAMPLES),),
     "seed": ((0, 2**32 - 1),),
     "max_depth": ((-1, 2**31 - 1),),
     "sensor": ((0, 2**31 - 1),),
-    "threads": ((1, 1024),),  # TBB hangs far above
+    "threads": ((1, 1024),),  # TBB hangs with many more
     "size": ((1, LARGEST),) * 2,
     "crop": ((0, LARGEST), (0, LARGEST), (1, LARGEST), (1, LARGEST)),
     "pixel": ((0, LARGEST),) * 2,
@@ -25,7 +25,7 @@ class OptionError(ValueError):
 
 
 def check(name: str, value: object) -> None:
-    """Raises OptionError where an option is none of its numbers; None stands for the scene's own value."""
+    """Raises OptionError if a value is not valid for an option; None, the scene's own value, is valid."""
     limits = LIMITS[name]
     if value is None:
         return

@@ -36,7 +36,7 @@ class Scene:
         except Exception as problem:
             raise description.refusal(problem) from None
         self.film = description.film
-        self.sensors = description.sensors  # ids, or numbers, of all that there are
+        self.sensors = description.sensors  # ids of all sensors, or their numbers
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
@@ -79,10 +79,10 @@ class Scene:
         """Renders the picture; the same scene, spp and seed give the same picture, bit for bit.
 
         Args:
-            spp: samples per pixel; the scene's own number by default.
-            seed: of the sampler; the scene's own by default.
-            threads: all that this process may use by default.
-            observe: is called with the progress about ten times a second.
+            spp: samples per pixel; default: the scene's own number.
+            seed: seed of the sampler; default: the scene's own seed.
+            threads: number of threads; default: as many as this process may use.
+            observe: called with the progress about ten times a second.
         """
         rendering = self.rendering(spp=spp, seed=seed, threads=threads)
         rendering.run(observe)
@@ -92,8 +92,8 @@ class Scene:
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
         """The value of one sample of pixel (x, y), or the mean of all samples: three numbers, float64.
 
-        The pixel is counted from the film's corner, whatever the crop window. Unlike in a picture, values
-        that are not finite stay what they are. Raises OptionError outside of the picture.
+        x and y count from the top left corner of the film, with or without a crop window. Unlike in a
+        picture, values that are not finite are kept. Raises OptionError outside of the picture.
         """
         for name, value in (("pixel", (x, y)), ("sample", sample), ("seed", seed)):
             check(name, value)
@@ -117,21 +117,22 @@ def load(
 ) -> Scene:
     """Opens a Mitsuba scene file.
 
-    What is not rendered as written is reported with `warnings`, as SceneWarnings; the scene keeps them.
+    Differences between the file and what is rendered are reported as SceneWarnings, and are also in
+    `Scene.warnings`.
 
     Args:
-        path: the XML file, or a binary file object to read it from. Other files are beside it, or in the
-            current folder where it has no name.
+        path: the XML file, or a binary file object. Other files are searched in its folder, or in the
+            current folder if the file object has no name.
         strict: makes unknown plugins and properties errors.
-        two_sided: lets opaque surfaces reflect on both sides.
+        two_sided: makes opaque surfaces reflect on both sides.
         parameters: values of the file's `$name` parameters.
-        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor); any
-            other name is a parameter that the file must have.
+        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor);
+            other names are parameters that the file must have.
 
     Raises:
         SceneError: the scene has an error; the message contains the location.
         OptionError: an option does not fit the scene.
-        TypeError: there is no such option or parameter.
+        TypeError: unknown option or parameter.
     """
     own, extra = _split_options(options)
     texts = {name: _as_text(value) for name, value in {**extra, **(parameters or {})}.items()}
@@ -150,7 +151,7 @@ def load(
         hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", *vars(own), *problem.known])
         what = f"load() has no option {problem.name!r}, nor has the scene such a parameter"
         raise TypeError(what + hint) from None
-    return _told(Scene(description, own, time.perf_counter() - start))
+    return _warned(Scene(description, own, time.perf_counter() - start))
 
 
 LOAD_OPTIONS = ("strict", "two_sided")
@@ -166,7 +167,7 @@ def load_dict(
 ) -> Scene:
     """Opens a scene given as nested dicts, in the form of Mitsuba 3's `load_dict`; see `load`.
 
-    Relative file names in it belong to `base_path`, or else to the current folder.
+    Relative file names are relative to `base_path`, by default the current folder.
     """
     own, unknown = _split_options(options)
     for name in unknown:
@@ -182,10 +183,10 @@ def load_dict(
         integrator=own.integrator,
         sensor=own.sensor,
     )
-    return _told(Scene(description, own, time.perf_counter() - start))
+    return _warned(Scene(description, own, time.perf_counter() - start))
 
 
-def _told(scene: Scene) -> Scene:
+def _warned(scene: Scene) -> Scene:
     for warning in scene.warnings:
         warn(warning)
     return scene

@@ -17,7 +17,7 @@ class LajollaWarning(UserWarning):
 
 
 def warn(warning: LajollaWarning) -> None:
-    """Gives a warning to Python's `warnings`, with the line outside of the package that is at work."""
+    """Issues a Python warning, located at the caller's line outside of the package."""
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "lajolla":
         level, frame = level + 1, frame.f_back
@@ -25,13 +25,13 @@ def warn(warning: LajollaWarning) -> None:
 
 
 def suggestion(name: str, known: Collection[str]) -> str:
-    """'; did you mean ...?' or the list of what there is."""
+    """'; did you mean ...?' with the most similar name, or the list of known names."""
     near = difflib.get_close_matches(name, list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else f"; there is {', '.join(known)}"
+    return f"; did you mean {near[0]!r}?" if near else f"; choose from {', '.join(known)}"
 
 
 def names_checked(function: Function) -> Function:
-    """Lets a function answer an unknown option with the nearest one that it has, as a TypeError."""
+    """A decorator: unknown keyword arguments raise a TypeError that suggests the most similar one."""
     code = function.__code__
     known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
 

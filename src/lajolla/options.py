@@ -17,10 +17,10 @@ class Options:
     size: tuple[int, int] | None = None  # width, height in pixels; drops the scene's crop window
     crop: tuple[int, int, int, int] | None = None  # x, y, width, height in pixels
     seed: int | None = None
-    sampler: str | None = None  # "independent" or "sobol", which every sampler of a scene stands for
-    integrator: str | None = None  # keeps the parameters in the scene that the new one has too
-    max_depth: int | None = None  # -1: unlimited, 1: emitters alone, 2: direct light
-    sensor: int | str | None = None  # which one of several, by its number from 0 or its id
+    sampler: str | None = None  # "independent" or "sobol", which replaces all samplers named in scenes
+    integrator: str | None = None  # keeps the scene's parameters that the new one has too
+    max_depth: int | None = None  # -1: unlimited, 1: emitters only, 2: direct light
+    sensor: int | str | None = None  # one of several, by its number from 0 or its id
 
     def __post_init__(self) -> None:
         """Raises OptionError for invalid values."""
@@ -38,9 +38,9 @@ def _check_name(kind: str, name: str | None, known: Callable[[], list[str]]) -> 
 
 
 def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
-    """The description with the options in place of the scene's own values. Raises OptionError.
+    """The description with options instead of the scene's own values. Raises OptionError.
 
-    Another integrator or sensor is not among them: they are chosen when the scene is read.
+    `integrator` and `sensor` are ignored here, because they apply when the scene is read.
     """
     result = dict(core)
     points = {"type": options.sampler, "sample_count": options.spp, "seed": options.seed}

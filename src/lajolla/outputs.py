@@ -43,7 +43,7 @@ class Output:
 
     @property
     def named_format(self) -> str | None:
-        """The format, where it does not follow from the path."""
+        """The format, if it does not follow from the path."""
         return None if self.path.suffix.lower() in ENDINGS else self.format
 
     @property
@@ -51,7 +51,7 @@ class Output:
         return ending_of(self.path, self.named_format) in HOLD_CHANNELS
 
     def check(self) -> None:
-        """Raises ImageError where it cannot be written."""
+        """Raises ImageError if it cannot be written."""
         if self.is_standard and sys.stdout.isatty():
             raise ImageError("standard output is a terminal, which shows no pictures; redirect it to a file")
         if self.is_standard and self.format is None:
@@ -59,7 +59,7 @@ class Output:
         check_output(self.target, self.named_format)
 
     def check_space(self, scene: Scene) -> None:
-        """Raises ImageError where the disk may be too full for a picture of the scene."""
+        """Raises ImageError if the disk may be too full for a picture of the scene."""
         if not self.is_standard:
             channels = 3 + len(scene.core.channels)
             check_space(self.path, scene.width, scene.height, channels, self.named_format)

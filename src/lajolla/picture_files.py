@@ -9,9 +9,9 @@ from typing import Any
 
 from lajolla.messages import LajollaWarning
 
-# A picture takes so many bytes at most, and so many more for each byte of its file, and so do all pictures of
-# a scene together: a small file cannot ask for all memory there is. Deflated data of one colour is a
-# thousandth of it; 1 GiB is what 8192 x 8192 pixels of it are as four float32 numbers each.
+# Limits of the bytes of one picture, and of all pictures of a scene: a constant plus MAX_RATIO per byte of
+# the files, so that a small file cannot request all memory. Deflate compresses constant images by a factor of
+# a thousand; 1 GiB is an image of 8192 x 8192 pixels with four float32 numbers.
 MAX_RATIO = 256
 MAX_PICTURE = 1 << 30
 MAX_PICTURES = 1 << 32

@@ -42,36 +42,36 @@ def scene_facts(path: Path, scene: Scene) -> Json:
         "channels": list(scene.core.channels),
         "memory_bytes": counts.pop("bytes"),
         "counts": counts,
-        "warnings": [{**_told(warning), "count": warning.count} for warning in scene.warnings],
+        "warnings": [{**_located(warning), "count": warning.count} for warning in scene.warnings],
         "error": None,
     }
 
 
 def refused(path: Path, problem: Exception) -> Json:
     """Facts about a scene that does not open."""
-    told = _told(problem) if isinstance(problem, SceneError) else {**NOWHERE, "message": str(problem)}
-    return {"scene": str(path), "error": told}
+    error = _located(problem) if isinstance(problem, SceneError) else {**NOWHERE, "message": str(problem)}
+    return {"scene": str(path), "error": error}
 
 
 NOWHERE = dict.fromkeys(("message", "file", "line", "column"))
 
 
-def _told(what: SceneError | SceneWarning) -> Json:
-    """A message with its place; line and column are null where there is only a file."""
-    place = what.location
-    if place is None:
-        return {**NOWHERE, "message": what.message}
-    known = bool(place.source.data) and not place.key
+def _located(problem: SceneError | SceneWarning) -> Json:
+    """A message with its location; line and column are null if only the file is known."""
+    location = problem.location
+    if location is None:
+        return {**NOWHERE, "message": problem.message}
+    known = bool(location.source.data) and not location.key
     return {
-        "message": what.message,
-        "file": place.source.name,
-        "line": place.line if known else None,
-        "column": place.column if known else None,
+        "message": problem.message,
+        "file": location.source.name,
+        "line": location.line if known else None,
+        "column": location.column if known else None,
     }
 
 
 def scene_lines(facts: Json) -> Iterator[tuple[str, str]]:
-    """Names and values of what is in a scene."""
+    """Labels and values of a scene's facts, for people."""
     for name, count in facts["counts"].items():
         yield name, f"{count:,}"
     samples = facts["samples_per_pixel"]
@@ -80,7 +80,7 @@ def scene_lines(facts: Json) -> Iterator[tuple[str, str]]:
 
 
 def folder_facts(folder: Path, findings: Sequence[Finding]) -> Json:
-    """Which scenes below a folder open."""
+    """Facts about the scenes below a folder: which open, and why others do not."""
     return {
         "folder": str(folder),
         "scenes": [

@@ -49,7 +49,7 @@ def is_device(path: Path) -> bool:
 
 @contextmanager
 def written_to(target: Target, ending: str) -> Iterator[Path]:
-    """A temporary path of this ending whose file goes to a path or a stream when the block succeeds."""
+    """A temporary path with this ending; if the block succeeds, its file is moved to a path or a stream."""
     if isinstance(target, Path):
         with replacing(target, ending) as temporary:
             yield temporary
@@ -98,7 +98,7 @@ def replacing(path: Path, ending: str | None = None) -> Iterator[Path]:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        reason = error.strerror or "only a part of it was taken, as by a full disk"  # NumPy tells no more
+        reason = error.strerror or "only a part was written; the disk may be full"  # NumPy has no reason
         raise ImageError(f"{path}: cannot be written: {reason}") from error
 
 

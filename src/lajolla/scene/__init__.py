@@ -218,7 +218,7 @@ def _read(
     *,
     runs: bool = True,
 ) -> tuple[Tree, Builder]:
-    """A scene file's nodes, opened, and the builder that knows where its files are."""
+    """The nodes of a scene file, and a builder with the folders of its files."""
     diagnostics = Diagnostics(strict)
     path, data = _named(file)
     document = expand_file(path, parameters, diagnostics, data=data, required_names=required_names, runs=runs)
@@ -229,16 +229,16 @@ def _read(
 
 
 def _members(tree: Tree, builder: Builder, node: Node) -> Iterator[Node]:
-    """The shapes for which the node of a run stands, one by one, as if there were no run."""
+    """The individual shapes of a run's node, as if there were no run."""
     for index in range(node.count):
         member = member_of_run(node, index)
-        upgrade(member.nodes, builder.table, Diagnostics())  # the run was told of
+        upgrade(member.nodes, builder.table, Diagnostics())  # the run's warnings were reported
         follow(member, tree.ids)
         yield next(child for _, child in member.root.children("shape"))
 
 
 def _named(file: SceneFile) -> tuple[Path, bytes | None]:
-    """A scene file's path, and what is in it where it is open; other files are beside that path."""
+    """A scene file's path, to which other files are relative, and the content of an open file."""
     if isinstance(file, str | os.PathLike):
         return Path(file), None
     name, data = getattr(file, "name", None), file.read()

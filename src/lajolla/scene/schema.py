@@ -12,7 +12,7 @@ from lajolla import _core
 # A core model's schema: {kind: {name: {"doc": str, "fields": [{"name": str, "type": str, ...}]}}}.
 Schema: TypeAlias = Mapping[str, Mapping[str, Mapping[str, Any]]]
 
-# Kinds of children that may stand in an object without being one of its fields.
+# Kinds of children that an object may contain without a field for them.
 CHILDREN = {
     "shape": ("bsdf", "emitter", "medium", "subsurface"),
     "sensor": ("film", "sampler", "medium"),
@@ -106,7 +106,7 @@ def core_schema() -> Schema:
 
 
 def fields_of(schema: Schema, kind: str, name: str) -> tuple[Field, ...]:
-    """The fields of a core model; none where the core does not have it."""
+    """The fields of a core model; empty if the core does not have it."""
     model = schema.get(kind, {}).get(name, {"fields": []})
     known = Field.__dataclass_fields__
     fields = ({key: value for key, value in field.items() if key in known} for field in model["fields"])

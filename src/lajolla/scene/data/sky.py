@@ -1,4 +1,4 @@
-"""Daylight: where the sun stands, how bright it is, and the sky around it.
+"""Daylight: position and radiance of the sun, and radiance of the sky.
 
 The sky is that of Hosek and Wilkie 2012. The sun is that of Hosek and Wilkie 2013, or of Preetham, Shirley
 and Smits 1999 ("A Practical Analytic Model for Daylight", appendix A.1). Radiances are in W m^-2 sr^-1 nm^-1,

@@ -104,7 +104,7 @@ def _of_model(kind: str, name: str) -> Plugin:
 class Construction:
     """How a node was built."""
 
-    node: Node | None  # the node itself, or what stands in for it; None where it is ignored
+    node: Node | None  # the node itself, or its replacement; None if it is ignored
     values: Values
     result: Built
 
@@ -384,7 +384,7 @@ class Builder:
         return AdapterId(self.add_once("adapters", entry, node))
 
     def lets_light_through(self, material: MaterialId) -> bool:
-        """Whether any part of a material is seen from both sides."""
+        """Whether any part of a material is transmissive."""
         return any(self.transmissive[bsdf] for bsdf in self._bsdfs_of(material))
 
     def _bsdfs_of(self, material: MaterialId) -> Iterator[int]:

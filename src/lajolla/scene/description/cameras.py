@@ -46,7 +46,7 @@ def _without_batches(sensor: Node, diagnostics: Diagnostics) -> Iterator[Node]:
 
 
 def _in_batch(batch: Node, camera: Node, count: int) -> Node:
-    """A camera with what is common to its batch. As in Mitsuba, they stand side by side on its film."""
+    """A camera with the properties of its batch. As in Mitsuba, the batch's film holds all, side by side."""
     common = [p for p in batch.properties if isinstance(p.value, Node) and p.value.kind in INHERITED]
     given = {p.value.kind for p in common if isinstance(p.value, Node)}
     own = [p for p in camera.properties if not (isinstance(p.value, Node) and p.value.kind in given)]
@@ -69,12 +69,12 @@ def _share_of_film(film: Node, count: int) -> Node:
 
 
 def names(scene: Node) -> tuple[str, ...]:
-    """The id of each camera, or its number, counted from zero, where it has none."""
+    """The id of each camera, or its number, from zero, if it has none."""
     return tuple(camera.id or str(i) for i, camera in enumerate(scene.outermost("sensor")))
 
 
 def chosen(builder: Builder, scene: Node) -> Node | None:
-    """The camera that was asked for by number or id; else the first, or the last where the file means that.
+    """The camera selected by number or id; by default the first, or the last for files before version 2.
 
     Raises:
         SceneError: there is no camera of that number or id.
@@ -97,7 +97,7 @@ def _position(scene: Node, wanted: int | str) -> int:
         return known.index(wanted)
     number = int(wanted) if str(wanted).isdecimal() else -1
     if not 0 <= number < len(known):
-        listed = f"; there is {', '.join(known)}" if known else "; the scene has none"
+        listed = f"; choose from {', '.join(known)}" if known else "; the scene has none"
         hint = did_you_mean(str(wanted), known, limit=0) or listed
         raise SceneError(f'unknown sensor "{wanted}"{hint}', scene.location)
     return number

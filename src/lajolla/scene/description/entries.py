@@ -22,7 +22,7 @@ class Entries(Sequence[Entry]):
         self._length = 0
 
     def add(self, entry: Entry, count: int = 1) -> int:
-        """Adds one that is so many; the index of the first."""
+        """Adds an entry that represents `count` entries; returns the index of the first."""
         self.stored.append(entry)
         self._firsts.append(self._length)
         self._length += count
@@ -69,7 +69,7 @@ class Places(dict[str, Location]):
         self._runs.append((where, first, run, members))
 
     def find(self, entry: str) -> Location | None:
-        """The place of an entry; None where it has none."""
+        """The location of an entry; None if unknown."""
         if entry in self:
             return self[entry]
         named = re.fullmatch(r"(\w+)\[(\d+)\]", entry)

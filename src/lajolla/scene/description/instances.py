@@ -15,8 +15,8 @@ from ..syntax.nodes import Array, Node, Property
 from .builder import Builder
 from .plugin import Entry
 
-# Groups in groups, and merged shapes that are merged again, can be more than all memory holds, however
-# small the file: so many objects may come of them, and so many more for each shape that the file has.
+# Nested groups and merged shapes of a small file could create more objects than memory can hold. Their number
+# is limited to MOST_REPEATED, plus MOST_PER_SHAPE for each shape of the file.
 MOST_REPEATED = 2**22
 MOST_PER_SHAPE = 64
 TO_WORLD = Field("to_world", "transform", "")
@@ -105,7 +105,7 @@ def check_size(scene: Node) -> None:
 
 
 def _added(node: Node, added: dict[Node, int], placed: dict[Node, int]) -> int:
-    """How many shapes and instances a shape becomes where it stands, with the members of a new group."""
+    """The number of shapes and instances that a shape becomes, with the members of a new group."""
     if node not in added:
         children = [child for _, child in node.children("shape")]
         members = {m for prop in node.properties for m in prop.members if isinstance(m, Node)}
@@ -145,7 +145,7 @@ def _contents(builder: Builder, group: Node, add_shape: AddShape) -> Contents[in
     def flatten() -> Contents[int]:
         for node in (group, *_one_by_one(builder, group)):
             if node.plugin.lower() in ("shapegroup", "instance"):
-                builder.construct(node)  # tells what it has no use for
+                builder.construct(node)  # warns about unused properties
         contents = flattened(
             builder,
             group,

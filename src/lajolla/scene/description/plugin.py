@@ -1,4 +1,4 @@
-"""What a plugin is to the reader, what it makes, and what it may ask of the description in the making."""
+"""Declarations of plugins, the results of their `build`, and the `Context` that they build in."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from .outputs import Layer, Picture
 
 Made = TypeVar("Made")
 
-# An entry of the description: "type", and values of that model's fields. What those are is declared in C++,
-# and checked when a value is converted to the type of its field and when the core builds its model of it.
+# An entry of the description: "type", and values of that model's fields. The fields are declared in C++;
+# values are checked when they are converted to the type of the field, and when the core builds the model.
 Entry: TypeAlias = dict[str, Any]
 Values: TypeAlias = dict[str, Any]  # of a plugin's fields, converted, by name
 Use: TypeAlias = dict[str, int]  # {"texture": index} or {"volume": index}
-Colour: TypeAlias = tuple[float, ...]  # linear sRGB; of some volumes six numbers
-Constant: TypeAlias = float | Vector | Rgb | Spectrum | Blackbody  # a texture that is the same everywhere
+Colour: TypeAlias = tuple[float, ...]  # linear sRGB; six numbers for some volumes
+Constant: TypeAlias = float | Vector | Rgb | Spectrum | Blackbody  # a constant texture
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ MaterialId: TypeAlias = int | AdapterId  # the index of a bsdf, an adapter, or B
 
 @dataclass(frozen=True)
 class Slot:
-    """A material slot: what is seen from the front, and from behind."""
+    """A material slot: the materials of the front and of the back."""
 
     front: MaterialId
     back: MaterialId = BLACK
@@ -48,7 +48,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class Part:
-    """One of several shapes that a shape of the file becomes, and its bsdf; None: the default one."""
+    """One of several shapes that replace a shape of the file, and its bsdf; None: the default one."""
 
     entry: Entry
     bsdf: Node | None
@@ -56,47 +56,47 @@ class Part:
 
 @dataclass(frozen=True)
 class FilmPart:
-    """A film: the size of the picture, how it is written, and what it says of each of several integrators."""
+    """A film: the size of the picture, its output settings, and its layers for `multichannel`."""
 
     entry: Entry
     film: Film
     layers: tuple[Layer, ...]
 
 
-# An entry, for emitters several; for textures and volumes also a constant, or the use of another one; for
-# bsdfs also a slot; for shapes also several parts; None where the object is left out.
+# The result of `Plugin.build`: an entry; for emitters also several; for textures and volumes also a constant,
+# or a reference to another one; for bsdfs also a slot; for shapes also several parts; None omits the object.
 Built: TypeAlias = Entry | list[Entry] | list[Part] | Constant | Colour | Slot | Picture | FilmPart | None
 
 
 class Context(Protocol):
-    """What plugins may ask of the description in the making."""
+    """The interface through which plugins access the description under construction."""
 
     diagnostics: Diagnostics
     pictures: Budget
-    sky_pixels: int  # of the pictures of skies
+    sky_pixels: int  # in all computed skies so far
 
     @property
     def film(self) -> Film:
-        """How the picture is written."""
+        """The output settings of the film."""
 
     @property
     def layers(self) -> tuple[Layer, ...]:
-        """What the film says of integrators in `multichannel`."""
+        """The film's settings for the integrators in `multichannel`."""
 
     def directories(self, location: Location) -> list[Path]:
-        """Where the files that an object names may be."""
+        """The folders in which files named by an object are searched."""
 
     def find(self, node: Node, name: str = "filename") -> tuple[Path, Location]:
-        """The file that a property names, and the place of the name."""
+        """The file that a property names, and the location of the name."""
 
     def reading(self, path: Path, location: Location) -> None:
-        """Counts the settings with which a file is read; each takes memory."""
+        """Counts the settings with which a file is read, because each takes memory; too many are an error."""
 
     def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
-        """What was made for this key before, or is made now: files are read once."""
+        """The result of `make`, which is called once per key, so that files are read once."""
 
     def convert(self, owner: Node, prop: Property, field: Field) -> Any:  # noqa: ANN401
-        """A property's value as a field of that type."""
+        """A property's value, converted to the type of a field."""
 
     def declared(self, kind: str, plugin: str) -> tuple[Field, ...]:
         """The fields of a plugin."""
@@ -111,47 +111,47 @@ class Context(Protocol):
         """The value of a volume."""
 
     def index(self, node: Node) -> int:
-        """The index of a phase function or a medium in its list; -1 when it is ignored."""
+        """The index of a phase function or a medium in its list; -1 if it is ignored."""
 
     def slot(self, node: Node) -> Slot | None:
-        """The material slot of a bsdf; None when it is ignored."""
+        """The material slot of a bsdf; None if it is ignored."""
 
     def picture(self, node: Node) -> Picture:
-        """What an integrator shows."""
+        """The integrator whose radiance is the picture, and the channels beside it."""
 
     def entry(self, where: str, index: int) -> Entry:
         """An entry of one of the description's lists."""
 
     def add(self, where: str, entry: Entry, node: Node) -> int:
-        """Adds an entry to a list of the description; its index."""
+        """Adds an entry to a list of the description and returns its index."""
 
     def add_once(self, where: str, entry: Entry, node: Node) -> int:
-        """The index of an entry of a list; the same one is not added twice."""
+        """The index of an entry in a list of the description; adds it if no equal entry is there."""
 
     def adapt(self, node: Node, plugin: str, values: Values, **children: MaterialId) -> AdapterId:
-        """An adapter around materials."""
+        """Adds an adapter around materials."""
 
     def lets_light_through(self, material: MaterialId) -> bool:
-        """Whether any part of a material is seen from both sides."""
+        """Whether any part of a material is transmissive."""
 
 
 @dataclass(frozen=True)
 class Plugin:
     """A plugin of scene files.
 
-    `build(context, node, values)` gets the values of the properties that were given, converted, and returns
-    what the kind asks for; see `Built`.
+    `build(context, node, values)` gets the converted values of the given properties; `Built` lists what it
+    returns for each kind.
     """
 
     kind: str
     name: str
-    doc: str  # empty: that of the core model of the same name
+    doc: str  # empty: the doc of the core model with the same name
     fields: tuple[Field, ...]
     build: Callable[[Context, Node, Values], Built]
     children: tuple[str, ...] = ()
-    model: str = ""  # the core model that it makes, whose fields it shares
+    model: str = ""  # the core model that it builds and whose fields it shares
     hidden: tuple[str, ...] = ()  # fields of the model that scenes do not set
-    in_runs: bool = False  # `build` takes columns of values as well
+    in_runs: bool = False  # `build` accepts columns of values
 
     @cached_property
     def by_name(self) -> Mapping[str, Field]:
@@ -173,5 +173,5 @@ class Plugin:
 
 
 def is_child(value: object, plugin: Plugin) -> bool:
-    """Whether a value is an object that may stand in the plugin's without being one of its fields."""
+    """Whether a value is an object that the plugin may contain without a field for it."""
     return isinstance(value, Node) and value.kind in plugin.children

@@ -1,4 +1,4 @@
-"""Shapes that are alike, all at once."""
+"""Adds the shapes of a run to the description at once."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .plugin import BLACK, Plugin, Slot
 from .values import convert, convert_column
 
 Material = Callable[[Builder, Node, Node | None], int]  # the material of a shape that has this bsdf
-GroupOf = Callable[[Builder, Node], int]  # the group of the description that a shapegroup is
+GroupOf = Callable[[Builder, Node], int]  # the index of a shapegroup in the description
 
 
 def add_run(builder: Builder, node: Node, material: Material, group_of: GroupOf) -> range | None:
-    """Adds the shapes of a run to the description, as columns; their indices, none of instances.
+    """Adds the shapes of a run to the description, as columns; returns their indices, none for instances.
 
-    Nothing is added, and the answer is None, where there is something to be told of one of them, or where
-    their plugin takes them one by one only.
+    Adds nothing and returns None if a member causes an error or a warning, or if the plugin does not support
+    runs.
     """
     plugin = builder.plugin(node)
     if plugin is None or not plugin.in_runs:
@@ -46,7 +46,7 @@ def add_run(builder: Builder, node: Node, material: Material, group_of: GroupOf)
 def add_columns(
     builder: Builder, where: str, entry: dict[str, Any], node: Node, members: Sequence[int] | None = None
 ) -> range:
-    """Adds an entry that is several to a list of the description, for these members of a run or for all."""
+    """Adds an entry with columns to a list of the description, for the given members of a run or for all."""
     assert node.run is not None
     members = range(node.count) if members is None else members
     if not any(isinstance(value, Column) for value in entry.values()):
@@ -58,23 +58,23 @@ def add_columns(
 
 
 @contextmanager
-def _without_a_word(builder: Builder) -> Iterator[None]:
-    """Whatever there would be to tell within makes the run irregular."""
-    told = builder.diagnostics
+def _irregular_if_reported(builder: Builder) -> Iterator[None]:
+    """Raises Irregular instead of reporting errors and warnings."""
+    diagnostics = builder.diagnostics
     builder.diagnostics = quiet = Diagnostics(strict=True)
     try:
         yield
     except (SceneError, _core.DescriptionError):
         raise Irregular from None
     finally:
-        builder.diagnostics = told
+        builder.diagnostics = diagnostics
     if quiet.collected:
         raise Irregular
 
 
 def _entry(builder: Builder, node: Node, plugin: Plugin) -> dict[str, Any]:
-    """What a plugin makes of the node of a run."""
-    with _without_a_word(builder):
+    """The entry that a plugin builds from the node of a run."""
+    with _irregular_if_reported(builder):
         entry = plugin.build(builder, node, _values(builder, node, plugin))
     if not isinstance(entry, dict):
         raise Irregular
@@ -105,7 +105,7 @@ def _only_child(node: Node, kind: str) -> Property | None:
 
 
 def _members(prop: Property) -> Iterator[Node]:
-    """The objects that are meant by a property, each once."""
+    """The objects that a property refers to, each once."""
     return iter(dict.fromkeys(member for member in prop.members if isinstance(member, Node)))
 
 
@@ -122,7 +122,7 @@ def _materials(builder: Builder, node: Node, material: Material) -> int | Column
         return material(builder, node, bsdf)
     own = [bsdf, *(inner for inner in below([bsdf]) if inner.run is not None)]
     properties = [prop for part in own for prop in part.properties]
-    for shared in below([bsdf]):  # what there is to tell of these has to do with no run
+    for shared in below([bsdf]):  # messages about shared objects do not concern the run
         if shared.kind == "bsdf" and shared.run is None:
             builder.slot(shared)
         elif shared.kind == "texture":
@@ -134,21 +134,21 @@ def _materials(builder: Builder, node: Node, material: Material) -> int | Column
         if plugin is not None and plugin.in_runs and len(own) == 1:
             return _own_materials(builder, bsdf, plugin)
         return _copied_materials(builder, node, bsdf, properties, material)
-    with _without_a_word(builder):
+    with _irregular_if_reported(builder):
         return material(builder, node, bsdf)
 
 
 def _copied_materials(
     builder: Builder, node: Node, bsdf: Node, properties: list[Property], material: Material
 ) -> Column:
-    """The materials of shapes that have a bsdf each, of which those that differ are made one by one."""
+    """The materials of shapes with a bsdf each; different ones are built one by one."""
     columns = [prop.value.rows for prop in properties if isinstance(prop.value, Column)]
     columns += [np.array([id(member) for member in p.members], float) for p in properties if p.members]
     known: dict[bytes, int] = {}
     indices = []
     for i, key in enumerate(_row_keys(columns)):
         if key not in known:
-            with _without_a_word(builder):
+            with _irregular_if_reported(builder):
                 known[key] = material(builder, node, _copy(bsdf, i))
         indices.append(known[key])
     return Column(np.array(indices, np.int64))
@@ -162,7 +162,7 @@ def _row_keys(columns: list[Array]) -> list[bytes]:
 
 
 def _copy(node: Node, index: int) -> Node:
-    """A bsdf of a run as one of its members has it."""
+    """The bsdf of one member of a run."""
     properties = []
     for prop in node.properties:
         value = prop.value
@@ -178,10 +178,10 @@ def _copy(node: Node, index: int) -> Node:
 
 
 def _own_materials(builder: Builder, bsdf: Node, plugin: Plugin) -> Column:
-    """The materials of shapes that have a bsdf each, alike but for numbers."""
+    """The materials of shapes with a bsdf each, which differ only in numbers."""
     entry = _entry(builder, bsdf, plugin)
     columns = {name: value.rows.tolist() for name, value in entry.items() if isinstance(value, Column)}
-    with _without_a_word(builder):
+    with _irregular_if_reported(builder):
         if _core.transmissive(_stored(builder, entry)):
             raise Irregular
     kept: list[int] = []  # members whose bsdf is new
@@ -201,7 +201,7 @@ def _own_materials(builder: Builder, bsdf: Node, plugin: Plugin) -> Column:
 
 
 def _stored(builder: Builder, entry: dict[str, Any]) -> dict[str, Any]:
-    """An entry as the core takes it."""
+    """An entry with columns of the core."""
     return {
         name: _core.Column(np.ascontiguousarray(value.rows)) if isinstance(value, Column) else value
         for name, value in entry.items()
@@ -209,7 +209,7 @@ def _stored(builder: Builder, entry: dict[str, Any]) -> dict[str, Any]:
 
 
 def _slots(builder: Builder, bsdf: Node, fronts: list[int]) -> Column:
-    """The material slots with these opaque bsdfs."""
+    """The indices of the material slots with these opaque bsdfs."""
     kept: list[int] = []
     indices = []
     for i, front in enumerate(fronts):

@@ -45,7 +45,7 @@ SUBSTITUTES = {
     "shape": {"mesh": DROPPED, "ellipsoids": DROPPED, "ellipsoidsmesh": DROPPED, "deformable": DROPPED},
 }
 
-# For names that are nowhere, when none that is known looks alike.
+# Replacements for unknown names without a similar known one.
 OTHERWISE = {
     "bsdf": "diffuse",
     "texture": DROPPED,
@@ -60,7 +60,7 @@ OTHERWISE = {
 
 
 def misspelt(node: Node, available: Iterable[str]) -> str | None:
-    """The name of which an unknown one is a misspelling; integrators and samplers are too alike."""
+    """The name that was misspelt; not for integrators and samplers, whose names are too similar."""
     if not node.plugin or node.kind in ("integrator", "sampler"):
         return None
     names = {*available, *SUBSTITUTES.get(node.kind, {})}

@@ -27,7 +27,7 @@ from .plugin import Colour, Constant, Context, Use
 CONSTANTS = (int, float, Vector, Rgb, Spectrum, Blackbody)
 INDEX_FIELDS = ("int_ior", "ext_ior", "ext_eta")  # these take the name of a material as well
 
-# Choices of other versions that another choice stands for, and whether the picture differs.
+# Replacements of choices from other versions, and whether the picture differs.
 SAME_CHOICE = {
     ("field", "distance"): ("depth", False),
     ("file_format", "exr"): ("openexr", False),
@@ -175,7 +175,7 @@ def _texture_spectrum(context: Context, owner: Node, prop: Property, field: Fiel
 
 
 def _texture_float(context: Context, owner: Node, prop: Property, field: Field) -> Use | float | None:
-    """A colour stands for the mean of its channels, as in Mitsuba 3."""
+    """A colour becomes the mean of its channels, as in Mitsuba 3."""
     value = _texture_spectrum(context, owner, prop, field)
     if isinstance(value, dict) or value is None:
         return value

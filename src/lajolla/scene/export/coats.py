@@ -21,7 +21,7 @@ CLEAR = (
 DIFFUSE = {"diffuse": "reflectance", "plastic": "diffuse_reflectance", "roughplastic": "diffuse_reflectance"}
 SHARED = ("int_ior", "ext_ior", "specular_reflectance", "alpha", "distribution")  # with plastic
 STEPS = 1024
-# Roughness of mirrors in blends: where one component has a probability and the other a density, Mitsuba's
+# Roughness of mirrors in blends: if one component has a probability and the other a density, Mitsuba's
 # blendbsdf adds the two up.
 SMOOTH = 0.005
 BRIGHTER = "too bright around rough metal: under an even sky by 8 % at roughness 0.1, by 30 % at 0.3"

@@ -116,7 +116,7 @@ def _map(translation: Translation, read: Node, node: Node) -> Node | None:
 
 
 def _two_sided(translation: Translation, read: Node, node: Node) -> Node | None:
-    """What lets light through stands alone."""
+    """Omits `twosided` around transmissive bsdfs."""
     builder = translation.builder
     slots = [builder.slot(child) for _, child in read.children("bsdf")]
     if any(slot and builder.lets_light_through(slot.front) for slot in slots[:2]):

@@ -85,7 +85,7 @@ class Translator:
     groups: dict[Node, Contents[Node]] = field(default_factory=dict)
 
     def scene(self, root: Node, core: Mapping[str, Any]) -> Node:
-        """The whole scene, with the integrator and the camera of its description where it has none itself."""
+        """The whole scene; a missing integrator or camera is that of the description."""
         result = like(root, "scene")
         for kind in ("integrator", "sensor"):
             if not any(root.children(kind)):

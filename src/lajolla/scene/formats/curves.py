@@ -64,7 +64,7 @@ def _is_number(text: bytes) -> bool:
 
 
 def _binary_hair(data: bytes) -> tuple[Points, Indices]:
-    """A count of vertices, then their coordinates; an infinite number stands before a new hair's first."""
+    """A count of vertices, then their coordinates; an infinite number precedes the first one of a hair."""
     if len(data) < 4:
         raise ValueError("the file ends early")
     count = int(np.frombuffer(data, "<u4", 1)[0])

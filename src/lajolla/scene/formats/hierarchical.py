@@ -16,7 +16,7 @@ BLOCK = struct.Struct("<3i")  # which of them is there
 
 
 def read_hierarchical(path: Path, file_of: Callable[[int, int, int], Path]) -> Voxels:
-    """Reads all blocks as one dense grid, which is zero where there is none.
+    """Reads all blocks as one dense grid, which is zero outside of them.
 
     Neighbours share the samples on their common side, as the outermost ones of a block lie on its sides.
 

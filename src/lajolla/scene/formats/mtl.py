@@ -1,4 +1,4 @@
-"""Material libraries of OBJ files, as the materials that Mitsuba 0.6 makes of them."""
+"""Material libraries of OBJ files, converted to materials as in Mitsuba 0.6."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Reader:
             material.model = int(rest)
 
     def _texture(self, text: str, *, raw: bool = False) -> Node | None:
-        """A bitmap. Options stand before the file's name."""
+        """A bitmap. Options precede the file name."""
         name = text.split()[-1] if text.startswith("-") else text
         for wanted in (name, name.replace("\\", "/").rsplit("/", 1)[-1]):
             try:
@@ -136,7 +136,7 @@ def _colour(text: str) -> Rgb:
 def materials_of(
     names: list[str], obj: Path, location: Location, diagnostics: Diagnostics
 ) -> dict[str, Node]:
-    """The materials of an OBJ file's libraries, which stand beside it; what is missing is warned about."""
+    """The materials of an OBJ file's libraries, which are in its folder; warns about missing ones."""
     materials: dict[str, Node] = {}
     for name in names:
         try:

@@ -48,7 +48,7 @@ def _padded(size: int) -> int:
 
 
 def read_nvdb(path: Path, grid_name: str) -> Voxels:
-    """Reads a grid of a NanoVDB file; the first one where the file has one grid only, of any name.
+    """Reads a grid of a NanoVDB file. If the file has only one grid, its name does not matter.
 
     Raises:
         VoxelError: the file, or the kind of grid, cannot be read.
@@ -182,7 +182,7 @@ class _Grid:
         return Voxels(self.dense.transpose(2, 1, 0, 3).reshape(shape), self._box(low, high))
 
     def _box(self, low: Whole, high: Whole) -> Array:
-        """Voxels are centred at whole numbers of index space, from which a map goes to the world."""
+        """Voxel centres are integers in index space, which a map transforms to the world."""
         to_world = np.eye(4)
         to_world[:3, :3] = self.read(GRID_MAP + MAP_MATRIX, "<f8", 9).reshape(3, 3)
         to_world[:3, 3] = self.read(GRID_MAP + MAP_OFFSET, "<f8", 3)

@@ -1,8 +1,8 @@
 """OpenVDB files as dense grids.
 
-A file holds grids, each with a transform and a tree (Museth 2013, "VDB: High-Resolution Sparse Volumes with
-Dynamic Topology"): a root, nodes of 32^3 children, nodes of 16^3, and leaves of 8^3 voxels. First comes the
-topology, with the values of regions that have no nodes of their own, then the voxels of all leaves in the
+A file contains grids, each with a transform and a tree (Museth 2013, "VDB: High-Resolution Sparse Volumes
+with Dynamic Topology"): a root, nodes with 32^3 children, nodes with 16^3, and leaves with 8^3 voxels. The
+topology is stored first, with the values of constant regions (tiles), then the voxels of all leaves in the
 same order.
 """
 
@@ -23,11 +23,11 @@ from .packing import inflated, unpacked_by_blosc
 from .voxels import VoxelError, Voxels, box_transform, checked_shape, most_sparse
 
 Mask = npt.NDArray[np.bool_]
-Numbers = npt.NDArray[Any]  # of the type that the file tells
+Numbers = npt.NDArray[Any]  # of the type stated in the file
 
 MAGIC = 0x56444220
 OLDEST = 222  # the format of OpenVDB 2.0
-TYPES = {  # what a value is made of, and of how many
+TYPES = {  # number type and number of channels
     "float": ("<f4", 1),
     "double": ("<f8", 1),
     "half": ("<f2", 1),
@@ -39,15 +39,15 @@ TYPES = {  # what a value is made of, and of how many
 LEVELS = ((32, 4096), (16, 128))  # nodes below the root: children along an axis, voxels along an axis
 LEAF = 8
 ZIP, ACTIVE_MASK, BLOSC = 1, 2, 4  # flags of a grid
-MAPS = {  # of index space to the world: vectors of doubles; which one is the translation, which the scale
+MAPS = {  # from index space to the world: count of stored vectors, indices of the translation and the scale
     "TranslationMap": (1, 0, None),
     "ScaleMap": (5, None, 0),
     "UniformScaleMap": (5, None, 0),
     "ScaleTranslateMap": (6, 0, 1),
     "UniformScaleTranslateMap": (6, 0, 1),
 }
-# What inactive values are where only active ones are stored. In the first case they are the background; in
-# the last nothing is left out. Where there are two inactive values, a mask selects.
+# How inactive values are stored. In the first case they equal the background; in the last all values are
+# stored. If there are two inactive values, a mask selects between them.
 BACKGROUND, MINUS, OTHER, BACKGROUND_OR_MINUS, BACKGROUND_OR_OTHER, TWO_OTHERS, ALL_STORED = range(7)
 
 
@@ -87,7 +87,7 @@ class _Stream:
 
 @dataclass
 class _Entry:
-    """A grid in the table of contents: its type, the grid whose tree it shares, and where it begins."""
+    """A grid in the table of contents: its type, the grid whose tree it shares or "", its byte offset."""
 
     type: str
     parent: str
@@ -95,14 +95,14 @@ class _Entry:
 
 
 def read_vdb(path: Path, grid_name: str) -> Voxels:
-    """Reads a grid of an OpenVDB file; the one that it has, whatever its name, where it has no other.
+    """Reads a grid of an OpenVDB file. If the file has only one grid, its name does not matter.
 
     Raises:
         VoxelError: the file, or the kind of grid, cannot be read.
     """
     data = file_bytes(path)
     entries = _contents(_Stream(data))
-    named = {name.partition("\x1e")[0]: name for name in reversed(entries)}  # the first of those alike
+    named = {name.partition("\x1e")[0]: name for name in reversed(entries)}  # the first of equal names
     if not named:
         raise VoxelError("it holds no grid")
     if grid_name not in named and len(named) > 1:
@@ -128,7 +128,7 @@ def _contents(stream: _Stream) -> dict[str, _Entry]:
     if version < OLDEST:
         raise VoxelError(f"its format {version} is older than {OLDEST}, that of OpenVDB 2.0")
     if not has_offsets:
-        raise VoxelError("it was written to a stream, without the places of its grids")
+        raise VoxelError("it was written to a stream, without the offsets of its grids")
     stream.take(36)  # its identifier
     stream.metadata()
     entries: dict[str, _Entry] = {}
@@ -140,10 +140,10 @@ def _contents(stream: _Stream) -> dict[str, _Entry]:
 
 
 def _opened(data: bytes, entry: _Entry) -> tuple[_Tree, Array]:
-    """A grid's tree, which is to be read, and its transform from index space to the world."""
+    """A grid's tree, not read yet, and its transform from index space to the world."""
     found = re.fullmatch(r"Tree_(\w+?)_5_4_3(_HalfFloat)?", entry.type)
     if found is None or found[1] not in TYPES:
-        raise VoxelError(f'its grid is a "{entry.type}"; trees of {", ".join(TYPES)} can be read')
+        raise VoxelError(f'its grid is a "{entry.type}"; supported are trees of {", ".join(TYPES)}')
     if not 0 <= entry.at < len(data):
         raise VoxelError("it is cut short")
     stream = _Stream(data, entry.at)
@@ -158,7 +158,7 @@ def _transform(stream: _Stream) -> Array:
     kind = stream.text()
     matrix = np.eye(4)
     if kind in ("AffineMap", "UnitaryMap"):
-        matrix = stream.array("<f8", 16).reshape(4, 4).T  # for columns instead of rows
+        matrix = stream.array("<f8", 16).reshape(4, 4).T  # files store it for row vectors
     elif kind in MAPS:
         count, translation, scale = MAPS[kind]
         vectors = stream.array("<f8", 3 * count).reshape(count, 3)
@@ -167,7 +167,7 @@ def _transform(stream: _Stream) -> Array:
         if translation is not None:
             matrix[:3, 3] = vectors[translation]
     else:
-        raise VoxelError(f'its transform is a "{kind}"; linear ones can be read')
+        raise VoxelError(f'its transform is a "{kind}"; only linear ones are supported')
     if not np.all(np.isfinite(matrix)):
         raise VoxelError("its transform is not finite")
     return matrix
@@ -175,22 +175,22 @@ def _transform(stream: _Stream) -> Array:
 
 @dataclass
 class _Tree:
-    """A tree that is read from its place in a file."""
+    """A tree that is read from a stream."""
 
     stream: _Stream
     flags: int  # how values are compressed
-    kind: str  # of the numbers in the topology
+    kind: str  # type of the numbers in the topology
     channels: int
-    stored: str  # the kind of numbers in compressed arrays
+    stored: str  # type of the numbers in compressed arrays
     background: Numbers = field(default_factory=lambda: np.zeros(1))
     tiles: list[tuple[Array, int, Numbers]] = field(default_factory=list)  # corners, size, values
-    boxes: list[tuple[Array, int]] = field(default_factory=list)  # corners and size of what is active
+    boxes: list[tuple[Array, int]] = field(default_factory=list)  # corners and size of active tiles
     leaves: list[tuple[Array, Mask]] = field(default_factory=list)  # corners, and which voxels are active
     met: set[tuple[int, ...]] = field(default_factory=set)  # corners below the root
 
     def read(self) -> None:
         """Reads the topology; the voxels are next in the stream."""
-        self.stream.numbers("I")  # of buffers: always one
+        self.stream.numbers("I")  # number of buffers: always one
         self.background = self.stream.array(self.kind, self.channels)
         tiles, children = self.stream.numbers("II")
         for _ in range(tiles):
@@ -202,7 +202,7 @@ class _Tree:
             self._node(self._root_corner(), 0)
 
     def _root_corner(self) -> Array:
-        """Where a tile or a node of the root begins: no other one does, or small files might take long."""
+        """The corner of a tile or a node of the root. Duplicates are errors, so that small files are fast."""
         corner = self.stream.numbers("iii")
         if corner in self.met or any(value % LEVELS[0][1] for value in corner):
             raise VoxelError("its tree is broken")
@@ -210,7 +210,7 @@ class _Tree:
         return np.array(corner, np.int64)
 
     def _node(self, origin: Array, depth: int) -> None:
-        """A node: masks of its children and of active values, all values, and then the children."""
+        """Reads a node: masks of its children and of active values, all values, and then the children."""
         width, reach = LEVELS[depth]
         has_child, active = self.stream.mask(width**3), self.stream.mask(width**3)
         values = self._values(active)
@@ -231,7 +231,7 @@ class _Tree:
             self.boxes.append((corners[active], size))
 
     def _values(self, active: Mask) -> Numbers:
-        """An array of values, as many as the mask has, of which the inactive ones may not be stored."""
+        """Reads a value for each entry of the mask; inactive ones may not be stored."""
         (case,) = self.stream.numbers("B")
         if case > ALL_STORED:
             raise VoxelError("its tree is broken")
@@ -252,13 +252,13 @@ class _Tree:
         return values
 
     def _numbers(self, count: int) -> Numbers:
-        """So many values, unpacked."""
+        """Reads and decompresses values, of shape (count, channels)."""
         size = count * self.channels * np.dtype(self.stored).itemsize
         plain = not self.flags & (ZIP | BLOSC) or (count == 0 and self.stored != self.kind)
-        if plain:  # arrays of halves have no size before them where they are empty
+        if plain:  # empty arrays of halves are not preceded by their size
             data = self.stream.take(size)
         else:
-            (packed,) = self.stream.numbers("q")  # below zero where nothing is gained by packing
+            (packed,) = self.stream.numbers("q")  # negative if not compressed
             block = self.stream.take(abs(packed))
             if packed <= 0:
                 data = block
@@ -269,7 +269,7 @@ class _Tree:
         return np.frombuffer(data, self.stored).reshape(count, self.channels)
 
     def bounds(self) -> tuple[Array, Array]:
-        """The least and the greatest index of active voxels along each axis."""
+        """The lowest and the highest index of active voxels along each axis."""
         lows, highs = [], []
         for corners, size in self.boxes:
             lows.append(corners.min(axis=0))

@@ -17,14 +17,14 @@ BROKEN = "its compressed data is broken"
 
 
 def check_packing(size: int, packed: int) -> None:
-    """Raises VoxelError where so many bytes would become far too many."""
+    """Raises VoxelError if `size` bytes are too many for `packed` compressed ones."""
     if size > SMALL_UNPACKED + MOST_PACKING * packed:
         wanted = f"its compressed data would take {size >> 20:,} MiB"
         raise VoxelError(f"{wanted}, more than {MOST_PACKING} times the file")
 
 
 def inflated(block: bytes, size: int) -> bytes:
-    """Data compressed by zlib, cut after so many bytes and one. Raises VoxelError."""
+    """Decompresses data of zlib, at most `size` + 1 bytes. Raises VoxelError."""
     try:
         return zlib.decompressobj().decompress(block, size + 1)
     except zlib.error:
@@ -43,5 +43,5 @@ def unpacked_by_blosc(chunk: bytes) -> bytes:
     check_packing(BLOSC_HEADER.unpack_from(chunk)[0], len(chunk))
     try:
         return blosc.decompress(chunk)
-    except Exception:  # whatever the module raises, the data is at fault
+    except Exception:  # any exception of the module means invalid data
         raise VoxelError(BROKEN) from None

@@ -13,7 +13,7 @@ from ..syntax.files import file_bytes
 
 IDENTIFIER = b"tensor_file\0"
 VERSION = b"\1\0"
-# By their number in files; the first stands for nothing.
+# By their number in files; the first is unused.
 TYPES = (None, *(np.dtype(name) for name in "u1 i1 <u2 <i2 <u4 <i4 <u8 <i8 <f2 <f4 <f8".split()))
 LONGEST = 32  # fields, and dimensions of one: as many as every NumPy can have
 

@@ -13,7 +13,8 @@ import numpy.typing as npt
 from ..syntax.nodes import Array
 
 MAX_VALUES = 1 << 30
-# A sparse grid that becomes dense: so many values, and so many more for each byte of its file, but no more.
+# The values of a sparse grid that becomes dense: SMALL_SPARSE_VALUES plus SPARSE_VALUES_PER_BYTE per byte of
+# its file, at most MAX_SPARSE_VALUES.
 SMALL_SPARSE_VALUES = 1 << 22
 SPARSE_VALUES_PER_BYTE = 32
 MAX_SPARSE_VALUES = 1 << 29
@@ -89,12 +90,12 @@ def vol_bytes(values: npt.NDArray[np.generic]) -> bytes:
 
 
 def _box_or_unit(box: Array) -> Array:
-    """The header's box; the unit cube where it is empty, as some writers leave it."""
+    """The header's box; the unit cube if it is empty, as some programs write it."""
     return box_transform(box[:3], box[3:]) if np.any(box) else np.eye(4)
 
 
 def most_sparse(size: int) -> int:
-    """How many values a sparse grid may become whose file has so many bytes."""
+    """The maximum number of dense values of a sparse grid, for the size of its file in bytes."""
     return min(SMALL_SPARSE_VALUES + SPARSE_VALUES_PER_BYTE * size, MAX_SPARSE_VALUES)
 
 

@@ -20,7 +20,8 @@ from .typed import Tree
 
 Names: TypeAlias = Mapping[str, Collection[str]]  # of plugins in lower case, by kind
 
-# A dict inside several others is an object in each: so many may come of it, and so many more for each dict.
+# A dict inside several others is an object in each. The number of such objects is limited to MOST_REPEATED,
+# plus MOST_MEETINGS for each dict.
 MOST_REPEATED = 1 << 14
 MOST_MEETINGS = 64
 MOST_SAMPLES = 1 << 16  # of a spectrum
@@ -53,10 +54,10 @@ def nodes_from_dict(scene: Mapping[str, Any], base_path: Path, known: Names, rep
 
 
 def _give_back_lost_light(nodes: Iterable[Node]) -> None:
-    """Turns `multiscatter` on where a dict leaves it open.
+    """Enables `multiscatter` in dicts that do not set it.
 
-    Scene files are Mitsuba's and look as they do there; dicts are our own. Glass whose roughness differs
-    between directions, or may do so, stays without: the model refuses that.
+    Scene files are to look as in Mitsuba, where it is off. It stays off for glass whose roughness is or may
+    be anisotropic, because the model does not support that.
     """
     for node in nodes:
         plugin = node.plugin.lower() if node.kind == "bsdf" else ""
@@ -109,7 +110,7 @@ class _DictReader:
         return value if isinstance(value, bool | int | float | str) else _array_value(value)
 
     def mesh(self, mesh: object, path: list[str]) -> Node:
-        """A shape of a mesh that stands for itself in a dict."""
+        """The shape of a mesh object that is a value of a dict."""
         location = self.at(path)
         prop = Property("mesh", mesh, location, location)
         node = Node("shape", "mesh", location, location, path[0] if len(path) == 1 else "", [prop])

@@ -1,4 +1,4 @@
-"""An XML element as it is written, that knows where it stands."""
+"""An XML element as written, with its location."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ NO_COLUMNS: Mapping[str, list[str]] = MappingProxyType({})
 class Element:
     """One XML element with its attributes as written.
 
-    An element in a run (`runs.py`) stands for several that are alike: it is the first of them, and `columns`
-    holds the texts of attributes that differ. `run` is that of the outermost one.
+    An element in a run (`runs.py`) represents several similar ones: it is the first of them, and `columns`
+    contains the texts of attributes that differ. Only the outermost element of a run has `run`.
     """
 
     __slots__ = ("attributes", "children", "columns", "last", "run", "source", "start", "tag")
@@ -28,12 +28,12 @@ class Element:
         self.children: list[Element] = []
         self.columns: Mapping[str, list[str]] = NO_COLUMNS
         self.run: Run | None = None
-        self.last: Element | None = None  # of its run, as it was parsed
+        self.last: Element | None = None  # the last element of the run that was parsed
 
     @property
     def location(self) -> Location:
         return Location(self.source, self.start)
 
     def at(self, attribute: str) -> Location:
-        """The place of an attribute's value; that of the element when the attribute is absent."""
+        """The location of an attribute's value, or of the element if the attribute is absent."""
         return Location(self.source, self.start, attribute=attribute)

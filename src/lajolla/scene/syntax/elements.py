@@ -22,7 +22,7 @@ END_OF_SHAPE = b"</shape>"
 
 
 def read_source(path: Path, diagnostics: Diagnostics, data: bytes | None = None) -> Source:
-    """Reads a scene file, or takes its bytes, as text of whatever encoding it is in.
+    """Reads a scene file, or takes its bytes, and detects the encoding of the text.
 
     Raises:
         SceneError: the file is missing, is no regular file, or cannot be read or decoded.
@@ -102,7 +102,7 @@ class _Done(Exception):
 def _parse(
     document: Element, first: int, last: int, fold: Callable[[list[Element], int], None] | None
 ) -> None:
-    """Adds what a part of a source holds to an element: one element, with what is in it."""
+    """Parses a part of a source that contains one element, and adds it to another element."""
     source, data = document.source, document.source.data
     base = first  # the byte of the source with which the parser's count begins
     parser = xml.parsers.expat.ParserCreate("utf-8")

@@ -175,7 +175,7 @@ class Diagnostics:
     suppressed: int = 0  # beyond MOST_WARNINGS
 
     def warn(self, message: str, location: Location | None = None, count: int = 1) -> None:
-        """Notes something that is rendered in another way than the file might suggest, so many times."""
+        """Collects a warning that something is not rendered as written, at `count` locations."""
         known = self.collected.get(message)
         if known:
             known.count += count

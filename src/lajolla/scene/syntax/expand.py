@@ -14,11 +14,11 @@ from .elements import parse_xml, read_source
 from .errors import Diagnostics, SceneError, Source, did_you_mean
 from .files import find_file
 
-MAX_INCLUDES = 16  # in each other
-MAX_INCLUDED = 1024  # in all
+MAX_INCLUDES = 16  # nested
+MAX_INCLUDED = 1024  # in total
 MAX_REPEATED = 1 << 22  # bytes of files that were included before
-REPEATED_RATIO = 16  # and so many more for each byte that is included for the first time
-MAX_FILLED = 1_000_000  # characters; defaults that double each other would fill the memory otherwise
+REPEATED_RATIO = 16  # additional bytes for each byte that is included for the first time
+MAX_FILLED = 1_000_000  # characters; defaults that double each other would otherwise exhaust memory
 LATEST = (3, 0, 0)
 ORDINARY = "[A-Za-z0-9_]+"  # names of parameters
 TO_EXPAND = re.compile(rb"""\$|<(?:default|include|path|null)\b|\stype\s*=\s*(?:"\s*"|'\s*')""")
@@ -244,7 +244,7 @@ class _Expander:
 
 
 def _is_whole(element: Element, end: int) -> bool:
-    """Whether nothing stands for anything else in what begins with an element; runs are always so."""
+    """Whether the text of an element contains nothing to expand, which is always true for runs."""
     return element.run is not None or TO_EXPAND.search(element.source.data, element.start, end) is None
 
 

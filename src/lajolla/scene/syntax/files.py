@@ -37,7 +37,7 @@ class MissingFile(SceneError):
 
 
 def identity(path: Path) -> tuple[int, int]:
-    """What tells a file from others, by whatever path it is reached."""
+    """An identifier of a file that does not depend on its path."""
     status = path.stat()
     return status.st_dev, status.st_ino
 

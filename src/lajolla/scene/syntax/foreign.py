@@ -1,7 +1,7 @@
 """Objects of other libraries in scene dicts, converted by common protocols or rejected.
 
-No library is imported for that. Paths have `__fspath__`; arrays, tensors and pictures `__array__` or one of
-similar ones; transforms a `matrix`; meshes `vertices` and `faces`.
+No library is imported for this. Paths have `__fspath__`; arrays, tensors and pictures have `__array__` or a
+similar protocol; transforms have `matrix`; meshes have `vertices` and `faces`.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from lajolla.colour import decode_srgb
 from .errors import Location, SceneError, reason_of
 
 ARRAYS = ("__array__", "__array_interface__", "__dlpack__")
-# Modes of PIL's pictures whose numbers are no colours, or others than red, green and blue.
+# Modes of PIL images that must be converted to red, green and blue.
 INDIRECT_MODES = ("1", "P", "PA", "CMYK", "YCbCr", "LAB", "HSV", "RGBX", "La", "RGBa")
 
 
 def plain(value: Any, location: Location) -> Any:  # noqa: ANN401
-    """A value that is no dict as a number, string or array; lists, meshes and our own objects as they are.
+    """Converts a value to a number, string or array; returns lists, meshes and our own objects unchanged.
 
     Raises:
-        SceneError: it is none of these, or does not give what it promises.
+        SceneError: the type is not supported, or the conversion fails.
     """
     if isinstance(value, bool | int | float | str | np.ndarray) or type(value).__module__ == "lajolla._core":
         result = value
@@ -65,13 +65,13 @@ def _array(value: Any, location: Location) -> np.ndarray[Any, Any]:  # noqa: ANN
         lacks_array = not any(hasattr(value, name) for name in ARRAYS[:2]) and hasattr(value, "__dlpack__")
         array = np.from_dlpack(value) if lacks_array else np.asarray(value)
         return _encoded_as_usual(array, value)
-    except Exception as problem:  # whatever the other library raises
+    except Exception as problem:  # the other library may raise any exception
         what = f"the {type_name(value)} cannot become an array"
         raise SceneError(f"{what}: {reason_of(problem)}", location) from None
 
 
 def _encoded_as_usual(array: np.ndarray[Any, Any], picture: object) -> np.ndarray[Any, Any]:
-    """Integers are taken as sRGB and other numbers as linear; where a bitmap says otherwise, linear ones."""
+    """Converts to linear if `srgb_gamma` contradicts the convention that integers are sRGB, floats linear."""
     is_encoded, is_integer = getattr(picture, "srgb_gamma", None), array.dtype.kind == "u"
     if not callable(is_encoded) or bool(is_encoded()) == is_integer:
         return array

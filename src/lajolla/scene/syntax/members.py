@@ -1,4 +1,4 @@
-"""The members of a run (`runs.py`): where they stand, and the numbers in which they differ."""
+"""The members of a run (`runs.py`): their locations, and the numbers in which they differ."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ SOME_EACH = re.compile(r"(?:[0-9.eE+-]*[ ,;])+", re.ASCII)
 
 
 class Irregular(Exception):
-    """A member of a run is out of the ordinary."""
+    """A run cannot be processed at once; its members must be processed individually."""
 
 
 class Run:
-    """The places where the members of a run start, in order, and where the last one ends."""
+    """The bytes at which the members of a run start, in order, and at which the last one ends."""
 
     __slots__ = ("source", "starts", "stop")
 
@@ -32,15 +32,15 @@ class Run:
         return len(self.starts)
 
     def span(self, index: int) -> tuple[int, int]:
-        """From where to where a member stands, with what is behind it."""
+        """The first byte of a member, and that of the next one or the end of the run."""
         return self.starts[index], self.starts[index + 1] if index + 1 < len(self.starts) else self.stop
 
 
 def numbers_of(texts: list[str]) -> npt.NDArray[np.float64]:
-    """The numbers of a column, as many in each text: (count, n).
+    """The numbers of a column: an array of shape (len(texts), numbers in each text).
 
     Raises:
-        Irregular: not all of them are numbers, or there are more in one than in others.
+        Irregular: a text contains something else than finite numbers, or texts differ in their count.
     """
     joined = ";".join(texts) + ";"
     if not ONE_EACH.fullmatch(joined):

@@ -14,7 +14,7 @@ from .members import Run
 
 Array: TypeAlias = npt.NDArray[np.float64]
 
-# A node of a kind stands for an object that the renderer (or the reader) knows by its plugin name.
+# Kinds of nodes that represent an object with a plugin name.
 KINDS = (
     "scene",
     "integrator",
@@ -120,18 +120,18 @@ class Property:
 
 @dataclass(frozen=True)
 class Unsaid:
-    """What a file means where it says nothing and no property could say it; `versions` writes it into nodes.
+    """Differences between file versions that no property can express; `versions` sets them in nodes.
 
-    The defaults are those of today.
+    The defaults are those of Mitsuba 3.
     """
 
-    integrator: str = ""  # of a scene without one; "": it is told of, and "path" used
-    last_sensor: bool = False  # of several the last counts, not the first
-    camera: bool = False  # a scene without one is seen by one that sees everything
-    daylight: bool = False  # a scene without light has sun and sky
-    lights_add_up: bool = False  # several lights around a scene are nothing to tell of
+    integrator: str = ""  # for a scene without one; "": "path", with a warning
+    last_sensor: bool = False  # the last of several sensors is used, not the first
+    camera: bool = False  # a scene without a camera gets one that sees everything
+    daylight: bool = False  # a scene without light gets sun and sky
+    lights_add_up: bool = False  # several environment lights cause no warning
     boundary: str = "diffuse"  # the bsdf of a shape around a medium, without its own
-    mirrored: bool = True  # a sphere that is mirrored is turned inside out
+    mirrored: bool = True  # a mirrored sphere is turned inside out
     bounded: bool = True  # a constant extinction ends at a box, as a grid does
     exchanged: bool = True  # a checkerboard that is read as a number exchanges its colours
 
@@ -157,7 +157,7 @@ class Node:
 
     @property
     def count(self) -> int:
-        """How many objects it stands for."""
+        """The number of objects that it represents."""
         return 1 if self.run is None else len(self.run)
 
     def find(self, name: str) -> Property | None:

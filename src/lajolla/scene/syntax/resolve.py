@@ -25,10 +25,10 @@ def resolve(tree: Tree) -> None:
 
 
 def follow(tree: Tree, ids: Mapping[str, Node]) -> None:
-    """Puts the node that is meant in the place of every reference of a tree.
+    """Replaces all references of a tree by their nodes.
 
     Raises:
-        SceneError: an id that is nowhere.
+        SceneError: an id is unknown.
     """
     for node in tree.nodes:
         for prop in node.properties:
@@ -38,7 +38,7 @@ def follow(tree: Tree, ids: Mapping[str, Node]) -> None:
                 names = [reference.id for reference in prop.members if isinstance(reference, Reference)]
                 missing = next((i for i, name in enumerate(names) if name not in ids), None)
                 if missing is not None:
-                    follow(member_of_run(node, missing), ids)  # which tells where it stands
+                    follow(member_of_run(node, missing), ids)  # an error with its location
                 prop.members = [ids[name] for name in names]
 
 

@@ -1,9 +1,8 @@
-"""Runs: shapes that follow each other and are alike but for numbers and references, read as one.
+"""Runs: consecutive shapes that differ only in numbers and references, read as one.
 
-A scene of a million spheres has few kinds of them. The first of a run stands for all, as an element and later
-as a node, with the numbers of the others in columns. Wherever one of them is out of the ordinary, because
-something is wrong with it or is to be told of it, the run is dissolved: its members are parsed once more and
-read one by one, as if there had been no run.
+A scene of a million spheres has few kinds of them. The first shape of a run represents all, as an element
+and later as a node, with the numbers of the others in columns. If a member causes an error or a warning, or
+is not supported in runs, the run is dissolved: its members are parsed again and processed individually.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from .members import Run
 
 VECTOR = ("value", "x", "y", "z")
 
-# What may be in a run, with the attributes that may differ.
+# Elements that a run may contain, with the attributes that may differ.
 COLUMNS: dict[str, tuple[str, ...]] = {
     "shape": (),
     "bsdf": (),
@@ -36,11 +35,11 @@ COLUMNS: dict[str, tuple[str, ...]] = {
     "ref": ("id",),
 }
 
-VALUE = rb"""([ !#%(-;=-~]*)"""  # an attribute's, without references, parameters and quotes
+VALUE = rb"""([ !#%(-;=-~]*)"""  # an attribute's value without references, parameters and quotes
 
 
 def add_to_run(siblings: list[Element], end: int) -> None:
-    """Takes the last of some elements, whose end tag starts at `end`, into a run with the one before it."""
+    """Moves the last of `siblings`, whose end tag starts at byte `end`, into a run with the one before it."""
     if len(siblings) < 2:
         return
     first, last = siblings[-2:]
@@ -67,9 +66,9 @@ def add_to_run(siblings: list[Element], end: int) -> None:
 
 
 def extend_run(first: Element, end: int) -> int:
-    """Takes the shapes from `end` on that are written as the last one of a run into it; where they end.
+    """Adds the shapes from byte `end` on that have the same text as the last one of a run, except for values.
 
-    Programs write them alike to the letter but for values, so that nothing is to be parsed.
+    Programs write such shapes, and they need no parsing. Returns the byte at which they end.
     """
     run, last = first.run, first.last
     if run is None or last is None or run.stop != end:
@@ -103,7 +102,7 @@ def extend_run(first: Element, end: int) -> int:
 
 
 def _values(first: Element, last: Element) -> Iterator[tuple[Element, Location]]:
-    """The attributes that may differ: elements of the first of a run, with the places in its last one."""
+    """The attributes that may differ: elements of a run's first shape, with the locations in its last one."""
     for name in last.attributes:
         if name in COLUMNS[last.tag]:
             yield first, last.at(name)
@@ -112,7 +111,7 @@ def _values(first: Element, last: Element) -> Iterator[tuple[Element, Location]]
 
 
 def _alike(first: Element, other: Element, found: list[tuple[Element, str, str]]) -> bool:
-    """Whether an element is like the first of a run; finds the attributes of columns, with their texts."""
+    """Whether an element can join a run; appends the attributes of columns and their texts to `found`."""
     tag, attributes = first.tag, other.attributes
     if tag != other.tag or len(first.children) != len(other.children) or tag not in COLUMNS:
         return False

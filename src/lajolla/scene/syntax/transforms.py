@@ -25,7 +25,7 @@ LAST_ROW = [0.0, 0.0, 0.0, 1.0]
 
 
 def is_even(matrix: Array, tolerance: float) -> Truth:
-    """Whether a matrix scales alike in all directions and keeps angles, so precisely; (..., 4, 4)."""
+    """Whether matrices, of shape (..., 4, 4), scale uniformly without shear, within a tolerance."""
     (a, b, c), (d, e, f), (g, h, i) = _linear(matrix)
     squares = (a * a + d * d + g * g, b * b + e * e + h * h, c * c + f * f + i * i)
     products = (a * b + d * e + g * h, a * c + d * f + g * i, b * c + e * f + h * i)
@@ -37,7 +37,7 @@ def is_even(matrix: Array, tolerance: float) -> Truth:
 
 
 def turns_over(matrix: Array) -> Truth:
-    """Whether a matrix exchanges left and right; (..., 4, 4)."""
+    """Whether matrices, of shape (..., 4, 4), have a negative determinant."""
     (a, b, c), (d, e, f), (g, h, i) = _linear(matrix)
     return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0
 

@@ -77,8 +77,8 @@ def _add_children(element: Element, node: Node, tree: Tree, diagnostics: Diagnos
 
 
 def _add_run(element: Element, parent: Node, tree: Tree) -> bool:
-    """Adds the first shape of a run for all of them, unless there is something to be told of one."""
-    if "name" in element.attributes:  # one would take the place of the other
+    """Adds the first shape of a run for all of them; returns False if it causes an error or a warning."""
+    if "name" in element.attributes:  # one shape would replace the other
         return False
     alone, quiet = Tree(parent), Diagnostics(strict=True)
     own = Node("shape", "", parent.location, parent.location)
@@ -97,7 +97,7 @@ def _add_run(element: Element, parent: Node, tree: Tree) -> bool:
 
 
 def member_of_run(node: Node, index: int) -> Tree:
-    """One of the shapes for which the node of a run stands, as it is without the run."""
+    """One shape of a run's node, parsed individually."""
     assert node.run is not None
     tree = Tree(Node("scene", "scene", node.location, node.location))
     _add(parse_member(node.run, index), tree.root, set(), tree, Diagnostics())

@@ -29,7 +29,7 @@ PROPERTIES: Mapping[str, Mapping[str, str]] = {
     "sphere": {"inverted": "flip_normals"},
     "ward": {"alpha_x": "alpha_u", "alpha_y": "alpha_v"},
 }
-# The diffuse and the specular reflectance where a file gives none; what it gives is scaled by an amount.
+# Default diffuse and specular reflectances; those given in files are scaled by an amount.
 REFLECTANCES = {"microfacet": (0.0, 1.0), "phong": (0.5, 0.2), "ward": (0.5, 0.2)}
 
 
@@ -66,7 +66,7 @@ def _from_before_0_3(node: Node) -> None:
 
 
 def _scale_reflectances(node: Node, diffuse: float, specular: float) -> None:
-    """Amounts of textures stay as they are: they are told of as what has no use."""
+    """Scales reflectances by amounts. Amounts for textures are kept, and reported as unused properties."""
     for name, default in (("diffuse", diffuse), ("specular", specular)):
         node.set_default(f"{name}_reflectance", default)
         amount, reflectance = node.find(f"{name}_amount"), node.find(f"{name}_reflectance")

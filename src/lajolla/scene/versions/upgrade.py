@@ -1,7 +1,7 @@
-"""Files of older versions with the names of Mitsuba 3.
+"""Converts nodes of older files to the names and defaults of Mitsuba 3.
 
-Names change from camelCase to snake_case, `uscale` and similar ones become a transform, and
-defaults that differ between versions are written out, so that later stages do not depend on the version.
+Names change from camelCase to snake_case, `uscale` and similar properties become a transform, and defaults
+that differ between versions are set explicitly, so that later stages do not depend on the version.
 """
 
 from __future__ import annotations
@@ -49,22 +49,22 @@ OLD_PROPERTIES = {
     ("medium", "size_multiplier"): "scale",
     ("sampler", "depth"): "dimension",
 }
-# Second names that Mitsuba 0.6 has for a property; the first counts where both are given.
+# Alternative names of properties in Mitsuba 0.6; if both are given, the first one applies.
 SYNONYMS = {
     "diffuse": ("reflectance", "diffuse_reflectance"),
     "roughdiffuse": ("reflectance", "diffuse_reflectance"),
     "difftrans": ("transmittance", "diffuse_transmittance"),
 }
-RADIANT = {"area": "radiance", "constant": "radiance", "directional": "irradiance"}  # once "intensity"
+RADIANT = {"area": "radiance", "constant": "radiance", "directional": "irradiance"}  # formerly "intensity"
 UV_PROPERTIES = ("uscale", "vscale", "uvscale", "uoffset", "voffset")
 
 
 def upgrade(
     nodes: Iterable[Node], table: Mapping[str, Mapping[str, Declared]], diagnostics: Diagnostics
 ) -> None:
-    """Brings nodes from files before 2.0 up to date, in place. Disney names go either way in any.
+    """Upgrades nodes of files before 2.0, in place. Disney's BSDFs accept both spellings in all versions.
 
-    Plugins are named as in the table from here on, whatever the case in the file.
+    Also changes the case of plugin names to that of the table.
     """
     for node in nodes:
         known = table.get(node.kind, {}).get(node.plugin.lower())
@@ -83,7 +83,7 @@ def upgrade(
 
 
 def _correct_names(node: Node, plugins: Iterable[Declared], diagnostics: Diagnostics) -> None:
-    """Names of before 2.0 in a newer file, where the plugin, or any for an unknown one, has them today."""
+    """Corrects old names in newer files if the plugin, or any plugin for an unknown one, has the new name."""
     old = [(prop, name) for prop in node.properties if (name := snake_case(prop.name)) != prop.name]
     if not old:
         return
@@ -115,7 +115,7 @@ def _upgrade_names(node: Node) -> None:
 
 
 def _upgrade_uv(node: Node) -> None:
-    """0.x evaluates `uv * scale + offset`."""
+    """Replaces the scales and offsets of Mitsuba 0.x by `to_uv`, that is, uv * scale + offset."""
     given: dict[str, Property] = {}
     values: dict[str, float] = {}
     for prop in node.properties:

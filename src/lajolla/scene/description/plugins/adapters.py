@@ -80,7 +80,7 @@ def _map(context: Context, node: Node, name: str, texture: str, values: Values) 
     front = context.adapt(node, name, values, child=inner.front)
     if inner.back == BLACK:
         return Slot(front)
-    # What stands out of the front is a hollow seen from behind.
+    # A bump on the front is a dent on the back.
     mirrored = values | {"scale": -values.get("scale", 1.0)}
     return Slot(front, context.adapt(node, name, mirrored, child=inner.back))
 
@@ -189,12 +189,12 @@ def _coated(
     return made[material]
 
 
-CLEAR = Field("transmittance", "texture_spectrum", "what is not absorbed", 1.0, 0.0, 1.0)
-THETA = Field("theta", "texture_float", "angle of the axis; no difference without polarisation", 0.0)
+CLEAR = Field("transmittance", "texture_spectrum", "fraction of light that is not absorbed", 1.0, 0.0, 1.0)
+THETA = Field("theta", "texture_float", "angle of the axis; ignored without polarisation", 0.0)
 HALF = "A {} polariser: half of the light passes."
-RETARDANCE = Field("delta", "texture_float", "retardance; no difference", 90.0, unit="degrees")
-POLARIZING = Field("polarizing", "boolean", "no difference", True)
-LEFT_HANDED = Field("left_handed", "boolean", "no difference", False)
+RETARDANCE = Field("delta", "texture_float", "retardance; ignored", 90.0, unit="degrees")
+POLARIZING = Field("polarizing", "boolean", "ignored", True)
+LEFT_HANDED = Field("left_handed", "boolean", "ignored", False)
 WEIGHTS = Field("weights", "string", "one share per bsdf inside; what they leave over is black")
 CHILD = ("child",)
 CHILDREN = ("first", "second", "child")

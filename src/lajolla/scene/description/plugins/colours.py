@@ -82,7 +82,7 @@ PLUGINS = (
         (COLOR, Field("unbounded", "boolean", "may exceed 1")),
         _colour("color"),
     ),
-    Plugin("texture", "rawconstant", "A colour, taken as it is.", (RAW,), _colour("value")),
+    Plugin("texture", "rawconstant", "A colour that is not converted.", (RAW,), _colour("value")),
     Plugin("texture", "d65", "A colour under daylight.", (SCALE, COLOR), _d65, ("texture",)),
     Plugin("texture", "blackbody", "Planck's law.", (TEMPERATURE, SCALE), _blackbody),
     Plugin("texture", "regular", "Samples at regular wavelengths.", (VALUES, FIRST, LAST), _regular),

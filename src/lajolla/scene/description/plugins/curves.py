@@ -98,7 +98,7 @@ HIDDEN = ("curves", "basis")
 HAIR = (
     Field("filename", "string", "the hair, as text or binary"),
     Field("radius", "float", "of all hairs", 0.025, 0.0),
-    Field("angle_threshold", "float", "turns below this angle are straight", 1.0, 0.0, 180.0, "degrees"),
+    Field("angle_threshold", "float", "bends below this angle are straightened", 1.0, 0.0, 180.0, "degrees"),
     Field("reduction", "float", "fraction of hairs to leave out; the others become thicker", 0.0, 0.0, 1.0),
 )
 

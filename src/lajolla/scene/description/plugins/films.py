@@ -60,7 +60,7 @@ def _layers(node: Node, films: list[Film], names: list[str]) -> tuple[Layer, ...
 
 # Formats of spectral builds, and the spelling of Mitsuba 0.6.
 OTHER_NAMES = {"luminancealpha": "luminance_alpha", "spectrum": "rgb", "spectrumalpha": "rgba"}
-# What a file format can hold, and what it gets where that is not asked for.
+# The pixel formats that a file format supports; others support all.
 HOLDS = {"rgbe": ("rgb",), "pfm": ("rgb", "luminance"), "jpeg": ("rgb", "luminance")}
 
 
@@ -89,12 +89,12 @@ def _size(width: int, height: int) -> tuple[Field, ...]:
     return (
         Field("width", "integer", "of the whole picture", width, 1, 65536, PIXELS),
         Field("height", "integer", "of the whole picture", height, 1, 65536, PIXELS),
-        Field("sample_border", "boolean", "no difference: borders always look beyond the film", False),
+        Field("sample_border", "boolean", "ignored: pixels use only their own samples", False),
     )
 
 
 def _formats(*names: str) -> Field:
-    doc = "of the files that are written where none is named; an ending given with -o wins"
+    doc = "default format of files; an ending given with -o overrides it"
     return Field("file_format", "choice", doc, names[0], choices=names)
 
 
@@ -116,7 +116,7 @@ LDR_FIELDS = (
     Field(
         "tonemap_method",
         "choice",
-        "exposure alone, or the operator of Reinhard et al. 2002",
+        "exposure only, or Reinhard et al. 2002",
         "gamma",
         choices=("gamma", "reinhard"),
     ),
@@ -130,7 +130,7 @@ MATRIX_FIELDS = (
     _formats("matlab", "mathematica", "numpy"),
     _pixels("luminance"),
     Field("digits", "integer", "significant digits of texts", 4, 1, 17),
-    Field("variable", "string", "that texts assign to", "data"),
+    Field("variable", "string", "name of the variable in text files", "data"),
 )
 
 PLUGINS = tuple(

@@ -68,8 +68,8 @@ def _sdf_grid(context: Context, node: Node, values: Values) -> Entry:
 HEIGHTS = (
     Field("filename", "string", "a picture of the heights; or a bitmap texture inside"),
     Field("scale", "float", "factor on the heights", 1.0),
-    Field("width", "integer", "of no effect: pictures have a size", None),
-    Field("height", "integer", "of no effect: pictures have a size", None),
+    Field("width", "integer", "ignored: the picture has a size", None),
+    Field("height", "integer", "ignored: the picture has a size", None),
     Field("shading_normals", "boolean", "smooth shading", True),
 )
 SDF = (

@@ -12,7 +12,7 @@ from ...syntax.nodes import Node
 from ..outputs import Channel, Picture, colours
 from ..plugin import Context, Entry, Plugin, Values
 
-# The letters of the channels of each variable, which are those of Mitsuba 3 where it has the variable.
+# The letters of the channels of each variable, as in Mitsuba 3 if it has the variable.
 VARIABLES = {
     "albedo": "RGB",
     "depth": "T",
@@ -136,7 +136,7 @@ def _view(variable: str) -> Callable[[Context, Node, Values], Entry]:
 
 
 VIEWS = (
-    ("depth", "depth", "Distance from the camera, 0 where nothing is seen."),
+    ("depth", "depth", "Distance from the camera; 0 without a hit."),
     ("shadingNormal", "sh_normal", "Shading normals in world space."),
     (
         "meanCurvature",

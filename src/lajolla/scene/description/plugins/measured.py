@@ -93,7 +93,7 @@ def _colour(named: dict[str, npt.NDArray[np.float32]]) -> npt.NDArray[np.float32
         raise TensorError('"wavelengths" do not rise')
     if len(wavelengths) > MOST_WAVELENGTHS:
         raise TensorError(f"it has {len(wavelengths)} wavelengths; {MOST_WAVELENGTHS} are the most")
-    # The colour is linear in the spectrum, which goes on beyond its ends.
+    # The colour is linear in the spectrum, which is constant beyond its ends.
     ends = [min(WAVELENGTHS[0], wavelengths[0]) - 1, max(WAVELENGTHS[-1], wavelengths[-1]) + 1]
     at = np.array([ends[0], *wavelengths, ends[1]])
     units = np.eye(len(wavelengths))

@@ -79,7 +79,7 @@ def _warn_of_lost_digits(context: Context, mesh: Mesh, path: Path, location: Loc
 def _with_normals(
     context: Context, key: tuple[Any, ...], mesh: Mesh, values: Values
 ) -> tuple[tuple[Any, ...], Mesh]:
-    """The mesh with normals at its vertices, which Mitsuba makes where a file has none.
+    """The mesh with vertex normals, which Mitsuba computes if a file has none.
 
     They are weighted by angles in world space, so that a stretched mesh has its own.
     """
@@ -100,7 +100,7 @@ def _part(context: Context, key: tuple[Any, ...], mesh: Mesh, first: int, count:
 def _parts(
     context: Context, node: Node, mesh: Mesh, path: Path, *, load_materials: bool
 ) -> list[tuple[int, int, Node | None]]:
-    """First face, number of faces and bsdf of each part; none where there is one material only."""
+    """First face, number of faces and bsdf of each part; empty if there is only one material."""
     bsdfs = _bsdfs(node, {name for name, _, _ in mesh.groups})
     if not mesh.groups or not (load_materials or len(bsdfs) > 1):
         return []
@@ -117,9 +117,9 @@ def _parts(
 
 
 def _bsdfs(node: Node, materials: set[str]) -> list[tuple[str, Node]]:
-    """The bsdfs of a shape, each with the material of the file that it is for; "" where it is for all.
+    """The bsdfs of a shape, each with the name of the file's material that it applies to, "" for all.
 
-    It is for one where it is the property of that name, or, among several, where that is its id.
+    It applies to one material if that is its property name or, among several bsdfs, its id.
     """
     children = list(node.children("bsdf"))
     by_name = {snake_case(name): name for name in materials} | {name: name for name in materials}
@@ -150,12 +150,12 @@ SMOOTH = Field(
     "degrees",
 )
 SRGB = Field("srgb", "boolean", "integers that are colours are encoded (on before version 2)", False)
-INDEX = Field("shape_index", "integer", "which mesh of the file", 0, 0, 2**31 - 1)
+INDEX = Field("shape_index", "integer", "index of the mesh in the file", 0, 0, 2**31 - 1)
 OBJ = (
     Field(
         "shape_index", "integer", 'which run of faces between "g" and "usemtl"; -1: all', -1, -1, 2**31 - 1
     ),
-    Field("collapse", "boolean", "one shape, whatever materials the file names", False),
+    Field("collapse", "boolean", "one shape, also if the file names several materials", False),
     Field("load_materials", "boolean", "use the file's material library (on before version 2)", False),
 )
 

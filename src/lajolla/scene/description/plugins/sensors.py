@@ -45,7 +45,7 @@ def _sobol(context: Context, node: Node, values: Values) -> Entry:
 
 # How Mitsuba's samplers arrange their points. Here all of them mean the arrangement with the least noise:
 # most scenes name `independent` because it is Mitsuba's default. The option `sampler` chooses for certain.
-SAME = "no difference: points are those of sobol"
+SAME = "ignored: points are those of sobol"
 POINTS = {
     "jitter": Field("jitter", "boolean", SAME, True),
     "strength": Field("strength", "integer", SAME, 2, 0),

@@ -101,7 +101,7 @@ PLUGINS = (
     Plugin(
         "shape",
         "shapegroup",
-        "Shapes that are seen through instances only.",
+        "Shapes that are visible only through instances.",
         (),
         _grouping("shapegroup"),
         ("shape",),
@@ -109,7 +109,7 @@ PLUGINS = (
     Plugin(
         "shape",
         "instance",
-        "A placed copy of a shapegroup.",
+        "A transformed copy of a shapegroup.",
         (TO_WORLD,),
         _grouping("instance"),
         ("shape",),

@@ -139,7 +139,7 @@ PLUGINS = (
         "An image. Integers are taken as sRGB, floating-point numbers as linear.",
         (
             Field("filename", "string", "any format that OpenImageIO reads"),
-            Field("raw", "boolean", "values are not colours: take them as they are", False),
+            Field("raw", "boolean", "values are not colours: do not decode sRGB", False),
             Field("gamma", "float", "exponent of the encoding; 1 is linear, -1 is sRGB", -1.0),
             Field("channel", "string", "use one channel only: r, g, b or a", ""),
             *ARRAYS,
