@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -242,6 +243,28 @@ def test_broken_text_after_a_run_has_its_place(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="mismatched tag") as refusal:
         load_description(path)
     assert f"{path}:{HEAD.count(chr(10)) + 1001}:" in str(refusal.value)
+
+
+def test_reading_leaves_nothing_to_the_collector(tmp_path: Path) -> None:
+    """It pauses meanwhile, so that what is left would add up: each member here is parsed on its own."""
+    member = (
+        '<shape type="sphere"><float name="radius" value="{}"/><float name="nonsense" value="1"/></shape>'
+    )
+    body = "".join(member.format(radius) for radius in range(1, 200))
+    path = tmp_path / "scene.xml"
+    path.write_text(f'<scene version="3.0.0">{body}<sensor type="perspective"/></scene>')
+    load_description(path)
+    gc.collect()
+    gc.disable()
+    try:
+        description = load_description(path)
+        assert not gc.isenabled()
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
+    assert max(warning.count for warning in description.warnings) == 199
+    load_description(path)
+    assert gc.isenabled()
 
 
 def test_many_spheres_are_in_the_picture_as_few_are() -> None:

@@ -203,7 +203,7 @@ def _read_file(path: Path, name: str) -> tuple[FloatImage, dict[str, FloatImage]
     if not path.is_file():
         raise ImageError(f"{name}: {'not a file' if path.exists() else 'no such file'}")
     try:
-        with opened(path) as file:
+        with opened(path) as (file, _):
             spec = file.spec()
             whole = str(spec.format) == "uint"  # EXR files of whole numbers, which mean themselves
             pixels = file.read_image("uint" if whole else "float")

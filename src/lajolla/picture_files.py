@@ -1,5 +1,6 @@
 """Wrapper around OpenImageIO: file names and messages of any encoding, and limits."""
 
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,16 +31,15 @@ class ImageWarning(LajollaWarning):
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Any]:
-    """The ImageInput of a picture, whose colours are not multiplied by alpha.
+def opened(path: Path) -> Iterator[tuple[Any, int]]:
+    """The ImageInput of a picture, whose colours are not multiplied by alpha, and the bytes of its file.
 
     Raises:
         PictureError: it is no picture, or would take more memory than a file of its size should.
     """
     import OpenImageIO as oiio  # here, because it takes long and many commands need no pictures
 
-    if not path.is_file():
-        raise PictureError("it is not a file")
+    size = _size_of(path)
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     with plain_name(path) as name:
@@ -49,15 +49,25 @@ def opened(path: Path) -> Iterator[Any]:
         try:
             spec = source.spec()
             depth = max(spec.depth, 1) * spec.nchannels * max(spec.format.size(), 1)
-            check_size(path, spec.width, spec.height, depth)
-            yield source
+            check_size(size, spec.width, spec.height, depth)
+            yield source, size
         finally:
             source.close()
 
 
-def check_size(path: Path, width: int, height: int, pixel: int) -> None:
-    """Raises PictureError where a picture of pixels of so many bytes is too large for its file."""
-    size = path.stat().st_size
+def _size_of(path: Path) -> int:
+    """The bytes of a file; raises PictureError where there is none."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        status = None
+    if status is None or not stat.S_ISREG(status.st_mode):
+        raise PictureError("it is not a file")
+    return status.st_size
+
+
+def check_size(size: int, width: int, height: int, pixel: int) -> None:
+    """Raises PictureError where a picture of pixels of so many bytes is too large for a file of `size`."""
     if width * height * pixel > MAX_PICTURE + MAX_RATIO * size:
         raise PictureError(f"{width} x {height} pixels are too many for a file of {size:,} bytes")
 
@@ -69,10 +79,11 @@ class Budget:
     decoded: int = 0  # bytes
     stored: int = 0  # bytes of the files
 
-    def spend(self, path: Path, size: int) -> None:
-        """Adds a picture of so many bytes; raises PictureError where all together are too many."""
-        self.decoded += size
-        self.stored += path.stat().st_size
+    def spend(self, decoded: int, stored: int) -> None:
+        """Adds a picture of so many bytes, with a file of so many; raises PictureError where all together are
+        too many."""
+        self.decoded += decoded
+        self.stored += stored
         limit = MAX_PICTURES + MAX_RATIO * self.stored
         if self.decoded > limit:
             problem = f"the textures would take {self.decoded >> 20:,} MiB decoded"

@@ -8,9 +8,11 @@ enters where nodes begin (`syntax.dict_reader`). The way out leaves before the d
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 from collections.abc import Container, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -31,7 +33,7 @@ from .description.substitutes import SUBSTITUTES
 from .formats.images import Pixels
 from .schema import core_schema
 from .syntax.dict_reader import nodes_from_dict
-from .syntax.errors import Diagnostics, Location, SceneError, SceneWarning, Source, blamed_on, reason_of
+from .syntax.errors import Blame, Diagnostics, Location, SceneError, SceneWarning, Source, reason_of
 from .syntax.expand import UnknownParameter, expand_file
 from .syntax.nodes import Node
 from .syntax.resolve import follow, resolve
@@ -87,6 +89,23 @@ class Description:
         return SceneError(entry[2], place)
 
 
+@contextmanager
+def _collector_paused() -> Iterator[None]:
+    """Within it, Python does not look for garbage in cycles.
+
+    A reader only makes objects that stay until it is done, and the collector would go through all of them
+    again and again: a fifth of the time of a large scene.
+    """
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+@_collector_paused()
 def load_description(
     path: SceneFile,
     *,
@@ -118,6 +137,7 @@ def load_description(
     return _describe(tree, replace(builder, two_sided=two_sided, integrator=integrator, sensor=sensor))
 
 
+@_collector_paused()
 def sensor_names(path: SceneFile, *, parameters: Mapping[str, str] = NO_PARAMETERS) -> tuple[str, ...]:
     """The ids of a scene file's sensors, or their numbers where they have none; nothing else is opened.
 
@@ -138,6 +158,7 @@ class Export:
     warnings: list[SceneWarning]
 
 
+@_collector_paused()
 def convert(
     path: SceneFile,
     target: str | os.PathLike[str],
@@ -168,13 +189,14 @@ def convert(
     target = Path(target)
     stem = target.stem.encode("utf-8", "replace").decode()
     translator = Translator(builder, target.parent, stem, pack)
-    with blamed_on(tree.root.location):
+    with Blame(tree.root.location):
         text = scene_text(translator.scene(tree.root, description.core))
     known = {warning.message for warning in description.warnings}
     new = [warning for warning in builder.diagnostics.warnings if warning.message not in known]
     return Export(text, translator.packed, [*description.warnings, *new])
 
 
+@_collector_paused()
 def describe(
     scene_dict: Mapping[str, Any],
     *,
@@ -196,7 +218,7 @@ def describe(
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
     builder = Builder(Diagnostics(strict), [base], two_sided, integrator, sensor)
-    with blamed_on(Location(Source("scene", b"", base))), np.errstate(all="ignore"):
+    with Blame(Location(Source("scene", b"", base))), np.errstate(all="ignore"):
         tree = nodes_from_dict(scene_dict, base, builder.table, SUBSTITUTES)
     return _describe(_opened(tree, builder), builder)
 
@@ -249,7 +271,7 @@ def _named(file: SceneFile) -> tuple[Path, bytes | None]:
 
 def _opened(tree: Tree, builder: Builder) -> Tree:
     """Nodes with the names of Mitsuba 3, resolved references, and all cameras in the scene itself."""
-    with blamed_on(tree.root.location), np.errstate(all="ignore"):  # the core checks for numbers
+    with Blame(tree.root.location), np.errstate(all="ignore"):  # the core checks for numbers
         upgrade(tree.nodes, builder.table, builder.diagnostics)
         resolve(tree)
         cameras.spread(tree.root, builder.diagnostics)
@@ -257,7 +279,7 @@ def _opened(tree: Tree, builder: Builder) -> Tree:
 
 
 def _describe(tree: Tree, builder: Builder) -> Description:
-    with blamed_on(tree.root.location), np.errstate(all="ignore"):
+    with Blame(tree.root.location), np.errstate(all="ignore"):
         core = assemble(builder, tree.root)
     warnings, names = builder.diagnostics.warnings, cameras.names(tree.root)
     return Description(core, warnings, builder.places, builder.film, names)

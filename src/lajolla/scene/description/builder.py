@@ -13,7 +13,7 @@ from lajolla.film import Film
 from lajolla.picture_files import Budget
 
 from ..schema import CHILDREN, HARMLESS, TEXTURED, Field, core_schema, fields_of
-from ..syntax.errors import Diagnostics, Location, SceneError, blamed_on, did_you_mean
+from ..syntax.errors import Blame, Diagnostics, Location, SceneError, did_you_mean
 from ..syntax.files import MissingFile, find_file
 from ..syntax.nodes import Node, Property
 from .entries import Entries, Places
@@ -146,6 +146,7 @@ class Builder:
     settings: dict[Path, int] = field(default_factory=dict)  # number of settings each file is read with
     kept: dict[Node, Construction] | None = None  # how nodes were built, for the way out
     made: dict[Hashable, object] = field(default_factory=dict)  # meshes and images are read once
+    found: dict[tuple[str, str], Plugin | None] = field(default_factory=dict)  # by kind and name as written
 
     # Files
 
@@ -184,8 +185,11 @@ class Builder:
 
     def plugin(self, node: Node) -> Plugin | None:
         """The plugin of a node, ignoring the case of its name."""
-        plugins, name = self.table.get(node.kind, {}), node.plugin.lower()
-        return plugins[name] if name in plugins else None  # noqa: SIM401, get() of a Mapping is slow
+        key = node.kind, node.plugin
+        if key not in self.found:
+            plugins, name = self.table.get(node.kind, {}), node.plugin.lower()
+            self.found[key] = plugins[name] if name in plugins else None  # noqa: SIM401, a Mapping's is slow
+        return self.found[key]
 
     def construct(self, node: Node) -> Built:
         """The result of the node's plugin, or of its replacement; None if the node is ignored.
@@ -201,7 +205,7 @@ class Builder:
         result = None
         if known is not None and plugin is not None:
             try:
-                with blamed_on(node.location, str(node)):
+                with Blame(node.location, node):
                     values = self.values(known, plugin)
                     result = plugin.build(self, known, dict(values) if self.kept is not None else values)
             except MissingFile as problem:
@@ -262,12 +266,14 @@ class Builder:
         for name, prop in named(node, fields):
             if _is_texture(prop.value) and self.texture(prop.value) is None:
                 continue  # left out, as was warned about
-            if name in fields and not is_child(prop.value, plugin):
+            if is_child(prop.value, plugin):
+                continue
+            if name in fields:
                 if _is_texture(prop.value) and not self.fits(prop.value, fields[name]):
                     self.report_texture(node, prop.name)
                     continue
                 values[name] = convert(self, node, prop, fields[name])
-            elif not is_child(prop.value, plugin) and prop.name not in HARMLESS.get(node.kind, ()):
+            elif prop.name not in HARMLESS.get(node.kind, ()):
                 self.report_unknown(node, prop, fields)
         return values
 
@@ -420,16 +426,23 @@ def _described(material: MaterialId) -> int | dict[str, int]:
     return {"adapter": material.index} if isinstance(material, AdapterId) else material
 
 
-def named(node: Node, fields: Mapping[str, Field]) -> Iterator[tuple[str, Property]]:
+def named(node: Node, fields: Mapping[str, Field]) -> list[tuple[str, Property]]:
     """The properties with the names of the fields that they mean.
 
     Phase functions go to the fields of their type, in order, unless they are named as one.
     """
-    given = {prop.name for prop in node.properties}
-    free = [f.name for f in fields.values() if f.type == "phase" and f.name not in given]
-    for prop in node.properties:
-        unnamed = isinstance(prop.value, Node) and prop.value.kind == "phase" and prop.name not in fields
-        yield free.pop(0) if unnamed and free else prop.name, prop
+    result = [(prop.name, prop) for prop in node.properties]
+    unnamed = [i for i, (name, prop) in enumerate(result) if _is_phase(prop.value) and name not in fields]
+    if unnamed:
+        given = {prop.name for prop in node.properties}
+        free = [f.name for f in fields.values() if f.type == "phase" and f.name not in given]
+        for i, name in zip(unnamed, free, strict=False):
+            result[i] = name, result[i][1]
+    return result
+
+
+def _is_phase(value: object) -> bool:
+    return isinstance(value, Node) and value.kind == "phase"
 
 
 def _is_texture(value: object) -> TypeGuard[Node]:

@@ -245,6 +245,8 @@ def _clamp(
     context: Context, owner: Node, rgb: tuple[float, ...], prop: Property, field: Field
 ) -> tuple[float, ...]:
     low, high = _limits(field)
+    if all([low <= v <= high for v in rgb]):
+        return rgb
     clamped = tuple(min(max(v, low), high) for v in rgb)
     if max(abs(a - b) for a, b in zip(rgb, clamped, strict=True)) > 1e-4:
         shown = ", ".join(f"{v:.4g}" for v in rgb)

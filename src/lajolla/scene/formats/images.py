@@ -48,16 +48,16 @@ def read_pixels(
             is too large for its file, or all pictures together are.
     """
     try:
-        with opened(path) as source:
+        with opened(path) as (source, stored):
             spec = source.spec()
-            check_size(path, spec.width, spec.height, pixel)
+            check_size(stored, spec.width, spec.height, pixel)
             if spec.get_string_attribute("jpeg:ColorSpace") in ("CMYK", "YCbCrK"):
                 raise PictureError("its colours are CMYK; convert it to RGB")
             wanted = _channels(channel_names(spec), channel)
             written = str(spec.format)
-            stored, size = STORED.get(written, ("float", 4))
-            budget.spend(path, spec.width * spec.height * max(len(wanted) * size, pixel))
-            pixels = source.read_image(0, 0, 0, spec.nchannels, stored)
+            kept, size = STORED.get(written, ("float", 4))
+            budget.spend(spec.width * spec.height * max(len(wanted) * size, pixel), stored)
+            pixels = source.read_image(0, 0, 0, spec.nchannels, kept)
             if pixels is None:
                 raise PictureError(reason(source))
     except PictureError as problem:

@@ -147,3 +147,5 @@ def _parse(
         reason = xml.parsers.expat.errors.messages.get(problem.code, "malformed")
         offset = min(max(0, base + parser.ErrorByteIndex), len(source.data))
         raise SceneError(f"not valid XML: {reason}", Location(source, offset)) from None
+    finally:  # the parser and the functions know each other: what is left would stay until it is looked for
+        parser.StartElementHandler = parser.EndElementHandler = parser.StartDoctypeDeclHandler = None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 from lajolla.colour import decode_srgb
 
@@ -13,10 +13,11 @@ from .errors import Location, SceneError
 from .nodes import Blackbody, Rgb, Spectrum
 
 NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?f?", re.ASCII)
+SEPARATORS = re.compile(r"[\s,]+")
+HEXADECIMAL = re.compile(r"#[0-9a-fA-F]{6}")
 
 
-@dataclass(frozen=True)
-class Text:
+class Text(NamedTuple):
     """The text of an attribute with its place, for messages."""
 
     text: str
@@ -30,9 +31,13 @@ class Text:
 
 def parse_float(text: Text) -> float:
     """One finite number."""
-    stripped = text.text.strip()
-    if not NUMBER.fullmatch(stripped) or not math.isfinite(value := float(stripped.rstrip("f"))):
-        raise text.fail("a number")
+    return _number(text.text.strip(), text)
+
+
+def _number(token: str, text: Text) -> float:
+    """A number of a text."""
+    if not NUMBER.fullmatch(token) or not math.isfinite(value := float(token.rstrip("f"))):
+        raise Text(token, text.location).fail("a number")
     return value
 
 
@@ -57,11 +62,11 @@ def parse_boolean(text: Text) -> bool:
 
 def parse_floats(text: Text, counts: tuple[int, ...]) -> list[float]:
     """Numbers between spaces or commas; as many as one of `counts`."""
-    tokens = re.split(r"[\s,]+", text.text.strip(" \t\r\n,"))
-    allowed = " or ".join(map(str, counts))
+    tokens = SEPARATORS.split(text.text.strip(" \t\r\n,"))
     if len(tokens) not in counts:
+        allowed = " or ".join(map(str, counts))
         raise text.fail(f"{allowed} number{'s' if allowed != '1' else ''}")
-    return [parse_float(Text(token, text.location)) for token in tokens]
+    return [_number(token, text) for token in tokens]
 
 
 def parse_numbers(text: Text) -> list[float]:
@@ -71,9 +76,9 @@ def parse_numbers(text: Text) -> list[float]:
 
 def parse_rgb(text: Text, *, srgb: bool) -> Rgb:
     """One or three numbers, or `#rrggbb`. With `srgb` the values are decoded to linear ones."""
-    hexadecimal = re.fullmatch(r"#([0-9a-fA-F]{6})", text.text.strip())
-    if hexadecimal:
-        values = [int(hexadecimal.group(1)[i : i + 2], 16) / 255 for i in (0, 2, 4)]
+    stripped = text.text.strip()
+    if HEXADECIMAL.fullmatch(stripped):
+        values = [int(stripped[i : i + 2], 16) / 255 for i in (1, 3, 5)]
     else:
         values = parse_floats(text, (1, 3))
         values = values * 3 if len(values) == 1 else values
@@ -88,7 +93,7 @@ def parse_spectrum(text: Text) -> Spectrum | Rgb:
         return Spectrum((values[0],)) if len(values) == 1 else Rgb((values[0], values[1], values[2]))
     pairs = [
         Text(t, text.location)
-        for t in re.split(r"[\s,]+", re.sub(r" ?: ?", ":", " ".join(text.text.split())).strip(" ,"))
+        for t in SEPARATORS.split(re.sub(r" ?: ?", ":", " ".join(text.text.split())).strip(" ,"))
     ]
     split = [pair.text.split(":") for pair in pairs]
     for pair, parts in zip(pairs, split, strict=True):
