@@ -34,6 +34,13 @@ HEAD = """<scene version="{version}">
         <shape type="sphere"><emitter type="area"><rgb name="radiance" value="2"/></emitter></shape>
     </shape>
 """
+INSIDE = """
+    <emitter type="area" id="L"><rgb name="radiance" value="3"/></emitter>
+    <emitter type="area" id="K"/>
+    <medium type="homogeneous" id="M"><float name="sigma_t" value="2"/></medium>
+    <medium type="homogeneous" id="N"/>
+    <subsurface type="dipole" id="S"/>
+"""
 
 
 class Writer:
@@ -62,6 +69,9 @@ class Writer:
             "x": lambda: self.random.choice(["0.5", "-0.0", "1.5"]),
             "d": lambda: self.random.choice(["0.25", "-0.0", "0.5"]),
             "l": lambda: self.random.choice(["g", "lit"]),
+            "e": lambda: self.random.choice("KL"),
+            "u": lambda: self.random.choice("MN"),
+            "any": lambda: self.random.choice("aLMS"),
         }
         for name, value in values.items():
             while f"{{{name}}}" in kind:
@@ -70,6 +80,20 @@ class Writer:
 
 
 PLACE = '<transform name="to_world"><translate x="{n}" y="{n}" z="{n}"/></transform>'
+INNER = (  # what a shape may contain or refer to beside its material
+    '<ref id="L"/>',
+    '<ref id="{e}"/>',
+    '<ref id="a"/><ref id="{e}"/>',
+    '<ref name="shines" id="L"/>',
+    '<ref id="M"/>',
+    '<ref name="interior" id="M"/>',
+    '<ref name="interior" id="{u}"/>',
+    '<ref name="exterior" id="{u}"/><ref id="c"/>',
+    '<ref id="S"/>',
+    '<ref name="subsurface" id="S"/>',
+    '<ref id="{any}"/>',
+    '<subsurface type="dipole"/>',
+)
 KINDS = (
     f'<shape type="sphere"><float name="radius" value="{{p}}"/>{PLACE}<ref id="{{r}}"/></shape>',
     '<shape type="sphere"><point name="center" x="{n}" y="{n}" z="{n}"/><ref id="{m}"/></shape>',
@@ -103,6 +127,9 @@ KINDS = (
     f'<shape type="instance">{PLACE}<ref id="{{i}}"/></shape>',
     f'<shape type="instance">{PLACE}<ref id="{{l}}"/></shape>',
     f'<shape type="instance">{PLACE}<ref id="lit"/></shape>',
+    *(f'<shape type="sphere">{PLACE}{inner}</shape>' for inner in INNER),
+    '<shape type="sphere"><boolean name="flip_normals" value="true"/></shape>',
+    '<shape type="cylinder"/>',
 )
 
 
@@ -118,7 +145,7 @@ def scene_of(seed: int) -> str:
     version = writer.random.choice(["3.0.0", "0.6.0"])
     inner = '<shape type="shapegroup" id="e">' + writer.shape(KINDS[0]) * 3 + "</shape>"
     inner += 2 * writer.shape(f'<shape type="instance">{PLACE}<ref id="e"/></shape>')
-    return HEAD.format(version=version) + "\n".join([*parts, inner]) + "\n</scene>\n"
+    return HEAD.format(version=version) + INSIDE + "\n".join([*parts, inner]) + "\n</scene>\n"
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401
@@ -158,6 +185,33 @@ def test_a_run_is_what_its_members_are(seed: int, tmp_path: Path) -> None:
     assert whole(together) == whole(one_by_one)
     assert sorted(map(str, together.warnings)) == sorted(map(str, one_by_one.warnings))
     assert picture(together) == picture(one_by_one)
+
+
+def same(path: Path) -> Description:
+    """The description of a scene, which is the same bit for bit with runs and without."""
+    together, one_by_one = both(path)
+    assert repr(whole(together)) == repr(whole(one_by_one))
+    assert sorted(map(str, together.warnings)) == sorted(map(str, one_by_one.warnings))
+    return together
+
+
+def write(path: Path, body: str, version: str = "3.0.0") -> Path:
+    path.write_text(f"{HEAD.format(version=version)}{body}</scene>")
+    return path
+
+
+@pytest.mark.parametrize("inner", INNER)
+def test_runs_keep_what_their_members_contain(inner: str, tmp_path: Path) -> None:
+    writer = Writer(1)
+    kind = f'<shape type="sphere">{PLACE}{inner}</shape>'
+    same(write(tmp_path / "scene.xml", INSIDE + "".join(writer.shape(kind) for _ in range(5))))
+
+
+@pytest.mark.parametrize("value", ["true", "false"])
+def test_runs_of_equal_shapes_may_have_booleans(value: str, tmp_path: Path) -> None:
+    shape = f'<shape type="sphere"><boolean name="flip_normals" value="{value}"/></shape>'
+    together = same(write(tmp_path / "scene.xml", shape * 2))
+    assert len(together.core["shapes"]) == 1
 
 
 def picture(description: Description) -> bytes:
