@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,9 @@ import lajolla
 from lajolla import _core
 from lajolla.scene import Description, SceneError, load_description
 from lajolla.scene.description.entries import row_of
+from lajolla.scene.syntax.element import Element
+from lajolla.scene.syntax.elements import parse_xml
+from lajolla.scene.syntax.errors import Source
 
 HEAD = """<scene version="{version}">
     <default name="width" value="8"/>
@@ -287,6 +291,75 @@ def test_a_mistake_has_the_place_of_its_member(right: str, wrong: str, message: 
     assert told[0] == told[1]
     line = path.read_text()[: path.read_text().index(mistaken)].count("\n") + 1
     assert told[0].startswith(f"{path}:{line}:")
+
+
+def test_shapes_of_many_numbers_take_no_longer_as_a_run() -> None:
+    operations = '<translate x="1"/>' * 16000
+    shapes = [
+        f'<shape type="sphere"><transform name="to_world">{operations}</transform><ref id={i}/></shape>'
+        for i in ('"a"', "'a'") * 3
+    ]
+    source = Source("scene.xml", f"<scene>{''.join(shapes)}</scene>".encode(), Path())
+    seconds = []
+    for runs in (False, True):
+        start = time.process_time()
+        parse_xml(source, runs=runs)
+        seconds.append(time.process_time() - start)
+    assert seconds[1] < 4 * seconds[0]
+
+
+SELF_CLOSED = (
+    ('<shape type="cylinder"/><shape type="cylinder"/>', "</scene>"),
+    ('<shape type="sphere"/>' * 3 + '<shape type="cube"/>', "</scene>"),
+    ('<shape type="sphere"/>' * 3 + "<!-- > -->" + '<bsdf type="diffuse" id="z"/>', "</scene>"),
+    ('<shape type="sphere"></shape>' * 3, "</scene>"),
+    ('<shape type="sphere">/></shape>' * 3, "</scene>"),
+    ('<shape type="spere"/>' * 3, "<!-- -->\n</scene>"),
+    ('<shape type="merge">' + '<shape type="sphere"/>' * 3 + "</shape>", "</scene>\n"),
+    ('<shape type="merge">' + '<shape type="obj"/>' * 3 + "</shape>", "</scene>\n"),
+)
+
+
+@pytest.mark.parametrize(("shapes", "rest"), SELF_CLOSED)
+def test_runs_end_with_their_last_shape(shapes: str, rest: str, tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text(HEAD.format(version="3.0.0") + shapes + rest)
+    results = []
+    for runs in (True, False):
+        try:
+            description = load_description(path, runs=runs)
+            results.append(repr((whole(description), sorted(map(str, description.warnings)))))
+        except SceneError as problem:
+            results.append(str(problem))
+    assert results[0] == results[1]
+
+
+def runs_of(element: Element) -> list[str]:
+    """The texts of all members of the runs of an element."""
+    own = [] if element.run is None else [element.run.span(i) for i in range(len(element.run))]
+    texts = [element.source.data[first:stop].decode() for first, stop in own]
+    return texts + [text for child in element.children for text in runs_of(child)]
+
+
+@pytest.mark.parametrize("gap", ["", "\n", "<!-- /> -->"])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        '<shape type="a"/>',
+        '<shape type="a" />',
+        "<shape type='a>'/>",
+        '<shape type="a"></shape>',
+        '<shape type="a">/></shape>',
+        '<shape type="a"><!-- > /></shape> --></shape >',
+        '<shape type="a"><float name="radius" value="1"/></shape>',
+        '<shape type="a"><shape type="b"/></shape>',
+    ],
+)
+@pytest.mark.parametrize("count", [2, 3, 2000])
+def test_members_are_their_text(shape: str, gap: str, count: int) -> None:
+    data = f"<scene>{gap.join([shape] * count)}{gap}<end/></scene>".encode()
+    texts = runs_of(parse_xml(Source("scene.xml", data, Path())))
+    assert texts == [shape + gap] * (count - 1) + [shape]
 
 
 def test_broken_text_after_a_run_has_its_place(tmp_path: Path) -> None:
