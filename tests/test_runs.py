@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import random
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,9 @@ import lajolla
 from lajolla import _core
 from lajolla.scene import Description, SceneError, load_description
 from lajolla.scene.description.entries import row_of
+from lajolla.scene.syntax.element import Element
+from lajolla.scene.syntax.elements import parse_xml
+from lajolla.scene.syntax.errors import Source
 
 HEAD = """<scene version="{version}">
     <default name="width" value="8"/>
@@ -34,6 +38,13 @@ HEAD = """<scene version="{version}">
     <shape type="shapegroup" id="lit">
         <shape type="sphere"><emitter type="area"><rgb name="radiance" value="2"/></emitter></shape>
     </shape>
+"""
+INSIDE = """
+    <emitter type="area" id="L"><rgb name="radiance" value="3"/></emitter>
+    <emitter type="area" id="K"/>
+    <medium type="homogeneous" id="M"><float name="sigma_t" value="2"/></medium>
+    <medium type="homogeneous" id="N"/>
+    <subsurface type="dipole" id="S"/>
 """
 
 
@@ -63,6 +74,9 @@ class Writer:
             "x": lambda: self.random.choice(["0.5", "-0.0", "1.5"]),
             "d": lambda: self.random.choice(["0.25", "-0.0", "0.5"]),
             "l": lambda: self.random.choice(["g", "lit"]),
+            "e": lambda: self.random.choice("KL"),
+            "u": lambda: self.random.choice("MN"),
+            "any": lambda: self.random.choice("aLMS"),
         }
         for name, value in values.items():
             while f"{{{name}}}" in kind:
@@ -71,6 +85,20 @@ class Writer:
 
 
 PLACE = '<transform name="to_world"><translate x="{n}" y="{n}" z="{n}"/></transform>'
+INNER = (  # what a shape may contain or refer to beside its material
+    '<ref id="L"/>',
+    '<ref id="{e}"/>',
+    '<ref id="a"/><ref id="{e}"/>',
+    '<ref name="shines" id="L"/>',
+    '<ref id="M"/>',
+    '<ref name="interior" id="M"/>',
+    '<ref name="interior" id="{u}"/>',
+    '<ref name="exterior" id="{u}"/><ref id="c"/>',
+    '<ref id="S"/>',
+    '<ref name="subsurface" id="S"/>',
+    '<ref id="{any}"/>',
+    '<subsurface type="dipole"/>',
+)
 KINDS = (
     f'<shape type="sphere"><float name="radius" value="{{p}}"/>{PLACE}<ref id="{{r}}"/></shape>',
     '<shape type="sphere"><point name="center" x="{n}" y="{n}" z="{n}"/><ref id="{m}"/></shape>',
@@ -104,6 +132,9 @@ KINDS = (
     f'<shape type="instance">{PLACE}<ref id="{{i}}"/></shape>',
     f'<shape type="instance">{PLACE}<ref id="{{l}}"/></shape>',
     f'<shape type="instance">{PLACE}<ref id="lit"/></shape>',
+    *(f'<shape type="sphere">{PLACE}{inner}</shape>' for inner in INNER),
+    '<shape type="sphere"><boolean name="flip_normals" value="true"/></shape>',
+    '<shape type="cylinder"/>',
 )
 
 
@@ -119,7 +150,7 @@ def scene_of(seed: int) -> str:
     version = writer.random.choice(["3.0.0", "0.6.0"])
     inner = '<shape type="shapegroup" id="e">' + writer.shape(KINDS[0]) * 3 + "</shape>"
     inner += 2 * writer.shape(f'<shape type="instance">{PLACE}<ref id="e"/></shape>')
-    return HEAD.format(version=version) + "\n".join([*parts, inner]) + "\n</scene>\n"
+    return HEAD.format(version=version) + INSIDE + "\n".join([*parts, inner]) + "\n</scene>\n"
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401
@@ -159,6 +190,33 @@ def test_a_run_is_what_its_members_are(seed: int, tmp_path: Path) -> None:
     assert whole(together) == whole(one_by_one)
     assert sorted(map(str, together.warnings)) == sorted(map(str, one_by_one.warnings))
     assert picture(together) == picture(one_by_one)
+
+
+def same(path: Path) -> Description:
+    """The description of a scene, which is the same bit for bit with runs and without."""
+    together, one_by_one = both(path)
+    assert repr(whole(together)) == repr(whole(one_by_one))
+    assert sorted(map(str, together.warnings)) == sorted(map(str, one_by_one.warnings))
+    return together
+
+
+def write(path: Path, body: str, version: str = "3.0.0") -> Path:
+    path.write_text(f"{HEAD.format(version=version)}{body}</scene>")
+    return path
+
+
+@pytest.mark.parametrize("inner", INNER)
+def test_runs_keep_what_their_members_contain(inner: str, tmp_path: Path) -> None:
+    writer = Writer(1)
+    kind = f'<shape type="sphere">{PLACE}{inner}</shape>'
+    same(write(tmp_path / "scene.xml", INSIDE + "".join(writer.shape(kind) for _ in range(5))))
+
+
+@pytest.mark.parametrize("value", ["true", "false"])
+def test_runs_of_equal_shapes_may_have_booleans(value: str, tmp_path: Path) -> None:
+    shape = f'<shape type="sphere"><boolean name="flip_normals" value="{value}"/></shape>'
+    together = same(write(tmp_path / "scene.xml", shape * 2))
+    assert len(together.core["shapes"]) == 1
 
 
 def picture(description: Description) -> bytes:
@@ -234,6 +292,75 @@ def test_a_mistake_has_the_place_of_its_member(right: str, wrong: str, message: 
     assert told[0] == told[1]
     line = path.read_text()[: path.read_text().index(mistaken)].count("\n") + 1
     assert told[0].startswith(f"{path}:{line}:")
+
+
+def test_shapes_of_many_numbers_take_no_longer_as_a_run() -> None:
+    operations = '<translate x="1"/>' * 16000
+    shapes = [
+        f'<shape type="sphere"><transform name="to_world">{operations}</transform><ref id={i}/></shape>'
+        for i in ('"a"', "'a'") * 3
+    ]
+    source = Source("scene.xml", f"<scene>{''.join(shapes)}</scene>".encode(), Path())
+    seconds = []
+    for runs in (False, True):
+        start = time.process_time()
+        parse_xml(source, runs=runs)
+        seconds.append(time.process_time() - start)
+    assert seconds[1] < 4 * seconds[0]
+
+
+SELF_CLOSED = (
+    ('<shape type="cylinder"/><shape type="cylinder"/>', "</scene>"),
+    ('<shape type="sphere"/>' * 3 + '<shape type="cube"/>', "</scene>"),
+    ('<shape type="sphere"/>' * 3 + "<!-- > -->" + '<bsdf type="diffuse" id="z"/>', "</scene>"),
+    ('<shape type="sphere"></shape>' * 3, "</scene>"),
+    ('<shape type="sphere">/></shape>' * 3, "</scene>"),
+    ('<shape type="spere"/>' * 3, "<!-- -->\n</scene>"),
+    ('<shape type="merge">' + '<shape type="sphere"/>' * 3 + "</shape>", "</scene>\n"),
+    ('<shape type="merge">' + '<shape type="obj"/>' * 3 + "</shape>", "</scene>\n"),
+)
+
+
+@pytest.mark.parametrize(("shapes", "rest"), SELF_CLOSED)
+def test_runs_end_with_their_last_shape(shapes: str, rest: str, tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_text(HEAD.format(version="3.0.0") + shapes + rest)
+    results = []
+    for runs in (True, False):
+        try:
+            description = load_description(path, runs=runs)
+            results.append(repr((whole(description), sorted(map(str, description.warnings)))))
+        except SceneError as problem:
+            results.append(str(problem))
+    assert results[0] == results[1]
+
+
+def runs_of(element: Element) -> list[str]:
+    """The texts of all members of the runs of an element."""
+    own = [] if element.run is None else [element.run.span(i) for i in range(len(element.run))]
+    texts = [element.source.data[first:stop].decode() for first, stop in own]
+    return texts + [text for child in element.children for text in runs_of(child)]
+
+
+@pytest.mark.parametrize("gap", ["", "\n", "<!-- /> -->"])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        '<shape type="a"/>',
+        '<shape type="a" />',
+        "<shape type='a>'/>",
+        '<shape type="a"></shape>',
+        '<shape type="a">/></shape>',
+        '<shape type="a"><!-- > /></shape> --></shape >',
+        '<shape type="a"><float name="radius" value="1"/></shape>',
+        '<shape type="a"><shape type="b"/></shape>',
+    ],
+)
+@pytest.mark.parametrize("count", [2, 3, 2000])
+def test_members_are_their_text(shape: str, gap: str, count: int) -> None:
+    data = f"<scene>{gap.join([shape] * count)}{gap}<end/></scene>".encode()
+    texts = runs_of(parse_xml(Source("scene.xml", data, Path())))
+    assert texts == [shape + gap] * (count - 1) + [shape]
 
 
 def test_broken_text_after_a_run_has_its_place(tmp_path: Path) -> None:

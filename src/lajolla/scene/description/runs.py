@@ -16,11 +16,14 @@ from ..syntax.errors import Diagnostics, SceneError
 from ..syntax.members import Irregular
 from ..syntax.nodes import Array, Column, Node, Property, Rgb, below
 from .builder import Builder
-from .plugin import BLACK, Plugin, Slot
+from .plugin import BLACK, Plugin, Slot, is_child
 from .values import convert, convert_column
 
 Material = Callable[[Builder, Node, Node | None], int]  # the material of a shape that has this bsdf
 GroupOf = Callable[[Builder, Node], int]  # the index of a shapegroup in the description
+
+# What shapes in a run may contain or refer to. Lights and media are added for one shape at a time.
+SHARED = ("bsdf", "shape")
 
 
 def add_run(builder: Builder, node: Node, material: Material, group_of: GroupOf) -> range | None:
@@ -50,7 +53,7 @@ def add_columns(
     assert node.run is not None
     members = range(node.count) if members is None else members
     if not any(isinstance(value, Column) for value in entry.values()):
-        name, value = next((name, value) for name, value in entry.items() if isinstance(value, int))
+        name, value = next((name, value) for name, value in entry.items() if type(value) is int)
         entry = {**entry, name: Column(np.full(len(members), value))}
     first = getattr(builder, where).add(_stored(builder, entry), len(members))
     builder.places.add_run(where, first, node.run, members)
@@ -86,7 +89,8 @@ def _values(builder: Builder, node: Node, plugin: Plugin) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for prop in node.properties:
         if isinstance(prop.value, Node):
-            if prop.value.kind not in plugin.children:
+            children = (prop.value, *_members(prop))
+            if any(not is_child(child, plugin) or child.kind not in SHARED for child in children):
                 raise Irregular
         elif prop.name in fields:
             column = isinstance(prop.value, Column)
@@ -99,7 +103,7 @@ def _values(builder: Builder, node: Node, plugin: Plugin) -> dict[str, Any]:
 
 def _only_child(node: Node, kind: str) -> Property | None:
     children = [prop for prop, _ in node.children(kind)]
-    if len(children) > 1 or any(child.kind != kind for prop in children for child in _members(prop)):
+    if len(children) > 1:
         raise Irregular
     return children[0] if children else None
 

@@ -122,7 +122,7 @@ def _parse(
         open_elements.pop()
         if tag == "shape" and fold is not None:
             fold(open_elements[-1].children, base + parser.CurrentByteIndex)
-        if len(open_elements) == 1 and last < len(data):
+        if len(open_elements) == 1 and last - first < len(data):
             raise _Done
 
     def refuse_doctype(*_: object) -> None:

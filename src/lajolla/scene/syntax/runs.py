@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import islice
 
 from .element import Element
 from .errors import Location
@@ -36,6 +37,10 @@ COLUMNS: dict[str, tuple[str, ...]] = {
 }
 
 VALUE = rb"""([ !#%(-;=-~]*)"""  # an attribute's value without references, parameters and quotes
+START_TAG = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""")
+MOST_VALUES = (
+    64  # of a shape, for `extend_run`: the time of its pattern grows with the square of their number
+)
 
 
 def add_to_run(siblings: list[Element], end: int) -> None:
@@ -51,7 +56,7 @@ def add_to_run(siblings: list[Element], end: int) -> None:
         first.run is None and data.find(b"$", first.start, end) >= 0
     ):
         return
-    stop = data.find(b">", end) + 1 or len(data)
+    stop = _stop(last, end)
     if first.run is None:
         first.run = Run(first.source, first.start, stop)
     run = first.run
@@ -63,6 +68,15 @@ def add_to_run(siblings: list[Element], end: int) -> None:
     first.last = last
     run.stop = stop
     siblings.pop()
+
+
+def _stop(element: Element, end: int) -> int:
+    """The byte behind an element, which expat reports to end at `end`: behind `/>`, but before `</shape>`."""
+    data = element.source.data
+    tag = None if element.children else START_TAG.match(data, element.start)
+    if tag is not None and tag[0].endswith(b"/>"):
+        return tag.end()
+    return data.find(b">", end) + 1
 
 
 def extend_run(first: Element, end: int) -> int:
@@ -77,7 +91,10 @@ def extend_run(first: Element, end: int) -> int:
     gap = data[end : data.find(b"<", end)]
     if gap.strip():
         return end
-    places = [(name.offset, mine, name.attribute) for mine, name in _values(first, last)]
+    values = list(islice(_values(first, last), MOST_VALUES + 1))
+    if len(values) > MOST_VALUES:
+        return end
+    places = [(name.offset, mine, name.attribute) for mine, name in values]
     places.sort(key=lambda place: place[0])
     pattern, at = re.escape(gap) + b"()", last.start
     for offset, _, _ in places:
