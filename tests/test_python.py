@@ -61,6 +61,15 @@ def loaded() -> lajolla.Scene:
             "nor has the scene such a parameter; did you mean 'level'",
         ),
         (lambda: lajolla.load("room.xml", strickt=True), "did you mean 'strict'"),
+        (
+            lambda: lajolla.load("room.xml", qqq=3),
+            "valid: strict, two_sided, parameters, spp, size, crop, seed, sampler, integrator, max_depth, "
+            "sensor, level$",
+        ),
+        (
+            lambda: loaded().render(wrong=1, sppp=3),
+            r"Scene.render\(\) has no option 'wrong'; valid: spp, seed",
+        ),
         (lambda: lajolla.load_dict(DICT, szie=(2, 2)), r"load_dict\(\) has no option 'szie'; .* 'size'"),
         (lambda: lajolla.load_dict(DICT, basepath="."), "did you mean 'base_path'"),
         (lambda: loaded().render(sppp=3), r"Scene.render\(\) has no option 'sppp'; did you mean 'spp'"),
@@ -108,8 +117,8 @@ def test_every_public_function_checks_its_options() -> None:
     [
         ({"spp": 0}, "spp must be in 1 to"),
         ({"spp": "many"}, "spp must be a whole number"),
-        ({"sampler": "halton"}, "no sampler 'halton'; there is sobol, independent"),
-        ({"sampler": "sobl"}, "no sampler 'sobl'; did you mean 'sobol'"),
+        ({"sampler": "halton"}, "unknown sampler 'halton'; valid: sobol, independent"),
+        ({"sampler": "sobl"}, "unknown sampler 'sobl'; did you mean 'sobol'"),
         ({"integrator": "pth"}, "did you mean 'path'"),
         ({"size": 3}, "size must be 2 whole numbers"),
     ],
@@ -330,7 +339,7 @@ def test_pictures_that_cannot_be(call: Callable[[image.Image], object], message:
 def test_formats_that_the_installed_library_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lajolla.picture_formats, "_offered", lambda: {".exr", ".png"})
     with pytest.raises(
-        lajolla.ImageError, match=r"OpenImageIO writes no \.webp files; there is \.exr, \.png, \.npy"
+        lajolla.ImageError, match=r"OpenImageIO writes no \.webp files; it writes \.exr, \.png, \.npy"
     ):
         image.Image(RAMP).save("a.webp")
 

@@ -25,9 +25,9 @@ def warn(warning: LajollaWarning) -> None:
 
 
 def suggestion(name: str, known: Collection[str]) -> str:
-    """'; did you mean ...?' or the list of what there is."""
-    near = difflib.get_close_matches(name, list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else f"; there is {', '.join(known)}"
+    """A hint to append to a message: the nearest known name, else all of them."""
+    near = difflib.get_close_matches(name, known := list(dict.fromkeys(known)), n=1)
+    return f"; did you mean {near[0]!r}?" if near else f"; valid: {', '.join(known)}"
 
 
 def names_checked(function: Function) -> Function:
@@ -37,8 +37,8 @@ def names_checked(function: Function) -> Function:
 
     @functools.wraps(function)
     def checked(*values: object, **options: object) -> object:
-        for name in options.keys() - known:
-            options_of = [word for word in known if word != "self"]
+        if unknown := [name for name in options if name not in known]:
+            name, options_of = unknown[0], [word for word in known if word != "self"]
             raise TypeError(f"{function.__qualname__}() has no option {name!r}{suggestion(name, options_of)}")
         return function(*values, **options)
 

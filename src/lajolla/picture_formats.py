@@ -56,7 +56,7 @@ def check_offered(ending: str) -> None:
     offered = _offered()
     if ending not in offered:
         there = ", ".join(known for known in ENDINGS if known in offered or known in MATRIX)
-        raise ImageError(f"the installed OpenImageIO writes no {ending} files; there is {there}")
+        raise ImageError(f"the installed OpenImageIO writes no {ending} files; it writes {there}")
 
 
 def _offered() -> set[str]:
