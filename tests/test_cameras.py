@@ -48,7 +48,8 @@ def test_old_files_show_the_last(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "asked, hint", [("3", "left, 1, right side"), ("lefd", 'did you mean "left"'), (7, "7")]
+    "asked, hint",
+    [("3", "the scene's sensors are: left, 1, right side"), ("lefd", 'did you mean "left"'), (7, "7")],
 )
 def test_a_camera_that_is_not_there(asked: str | int, hint: str, tmp_path: Path) -> None:
     with pytest.raises(SceneError) as caught:

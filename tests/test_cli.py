@@ -304,6 +304,20 @@ def test_neighbouring_parameters_stand_for_one_text(tmp_path: Path) -> None:
     assert found == ["a.xml", f"part{'x' * 100}-and.xml"]
 
 
+def test_many_parameters_apart_are_matched_quickly() -> None:
+    (folder := Path("all")).mkdir()
+    texts = {
+        "a.xml": f'<include filename="{"$p-a" * 14}b.xml"/>',
+        "-a" * 60 + ".xml": '<shape type="cube"/>',  # a regular expression tries all ways to place 14 pieces
+        "X-a" * 14 + "-yB.XML": '<shape type="cube"/>',  # other text where the last piece should begin
+        "X-A" * 14 + "b.xml": '<shape type="cube"/>',
+    }
+    for name, content in texts.items():
+        (folder / name).write_text(f'<scene version="3.0.0">{content}</scene>')
+    found = {finding.path.name for finding in survey(folder, lajolla.load)}
+    assert found == {*texts} - {"X-A" * 14 + "b.xml"}
+
+
 def test_one_scene_does_not_end_a_survey() -> None:
     Path("a.xml").write_text("<scene/>")
 

@@ -61,6 +61,15 @@ def loaded() -> lajolla.Scene:
             "nor has the scene such a parameter; did you mean 'level'",
         ),
         (lambda: lajolla.load("room.xml", strickt=True), "did you mean 'strict'"),
+        (
+            lambda: lajolla.load("room.xml", qqq=3),
+            "valid: strict, two_sided, parameters, spp, size, crop, seed, sampler, integrator, max_depth, "
+            "sensor, level$",
+        ),
+        (
+            lambda: loaded().render(wrong=1, sppp=3),
+            r"Scene.render\(\) has no option 'wrong'; valid: spp, seed",
+        ),
         (lambda: lajolla.load_dict(DICT, szie=(2, 2)), r"load_dict\(\) has no option 'szie'; .* 'size'"),
         (lambda: lajolla.load_dict(DICT, basepath="."), "did you mean 'base_path'"),
         (lambda: loaded().render(sppp=3), r"Scene.render\(\) has no option 'sppp'; did you mean 'spp'"),

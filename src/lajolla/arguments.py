@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from lajolla.limits import LIMITS, OptionError, check
+from lajolla.messages import suggestion
 
 STREAMS = {"-": "stdout", "/dev/stdout": "stdout", "/dev/stderr": "stderr"}
 ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .m"
@@ -128,9 +129,7 @@ def _refuse_command(word: str, commands: list[str]) -> NoReturn:
         raise UsageError("'test' belongs to a checkout of the source code: ./lajolla test")
     if word.lower().endswith(".xml"):
         raise UsageError(f"a command is required; did you mean: lajolla render {shlex.quote(word)}")
-    near = difflib.get_close_matches(word, commands, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else "there is " + ", ".join(commands)
-    raise UsageError(f"unknown command {word!r}; {hint}")
+    raise UsageError(f"unknown command {word!r}{suggestion(word, commands)}")
 
 
 def build_parser() -> tuple[Parser, dict[str, Parser]]:

@@ -26,7 +26,7 @@ def warn(warning: LajollaWarning) -> None:
 
 def suggestion(name: str, known: Collection[str]) -> str:
     """'; did you mean ...?' with the most similar name, or the list of known names."""
-    near = difflib.get_close_matches(name, list(known), n=1)
+    near = difflib.get_close_matches(name, known := list(dict.fromkeys(known)), n=1)
     return f"; did you mean {near[0]!r}?" if near else f"; choose from {', '.join(known)}"
 
 
@@ -37,8 +37,8 @@ def names_checked(function: Function) -> Function:
 
     @functools.wraps(function)
     def checked(*values: object, **options: object) -> object:
-        for name in options.keys() - known:
-            options_of = [word for word in known if word != "self"]
+        if unknown := [name for name in options if name not in known]:
+            name, options_of = unknown[0], [word for word in known if word != "self"]
             raise TypeError(f"{function.__qualname__}() has no option {name!r}{suggestion(name, options_of)}")
         return function(*values, **options)
 

@@ -6,7 +6,7 @@ import codecs
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -88,8 +88,11 @@ def _included(texts: Mapping[Path, bytes]) -> dict[Path, set[Path]]:
                 found.setdefault(places[place], set()).add(path)
             else:
                 elsewhere.add(name.rsplit("/", 1)[-1])
-    pattern = _any_of(elsewhere)
-    return {path: set() for path in texts if pattern.fullmatch(path.name)} | found
+    # Parameters stand for any text, but not for all of a name.
+    patterns = [_pieces(name) for name in sorted(elsewhere) if PARAMETERS.sub("", Path(name).stem)]
+    return {
+        path: set() for path in texts if any(_matches(path.name.lower(), pieces) for pieces in patterns)
+    } | found
 
 
 def _place(path: Path) -> str:
@@ -97,11 +100,29 @@ def _place(path: Path) -> str:
     return os.path.realpath(str(path).replace("\0", "?")).lower()
 
 
-def _any_of(names: Iterable[str]) -> re.Pattern[str]:
-    """Matches any of the names; parameters stand for any text, but not for all of a name."""
-    known = sorted(name for name in names if PARAMETERS.sub("", Path(name).stem))
-    patterns = [".*".join(map(re.escape, PARAMETERS.split(name))) for name in known]
-    return re.compile("|".join(patterns) or "(?!)", re.IGNORECASE)
+def _pieces(name: str) -> list[str]:
+    """What stands between the parameters of a name, in lower case."""
+    return PARAMETERS.split(name.lower())
+
+
+def _matches(name: str, pieces: Sequence[str]) -> bool:
+    """Whether a name consists of these pieces in their order, with any text between them.
+
+    Each piece is taken where it is found first, which never spoils the match of a later one; a regular
+    expression would try all other places too.
+    """
+    first, *others = pieces
+    if not others:
+        return name == first
+    if not name.startswith(first):
+        return False
+    at = len(first)
+    for piece in others[:-1]:
+        found = name.find(piece, at)
+        if found < 0:
+            return False
+        at = found + len(piece)
+    return name.endswith(others[-1]) and len(name) - len(others[-1]) >= at
 
 
 def _text(path: Path) -> bytes:

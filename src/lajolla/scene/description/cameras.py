@@ -97,7 +97,7 @@ def _position(scene: Node, wanted: int | str) -> int:
         return known.index(wanted)
     number = int(wanted) if str(wanted).isdecimal() else -1
     if not 0 <= number < len(known):
-        listed = f"; choose from {', '.join(known)}" if known else "; the scene has none"
+        listed = f"; the scene's sensors are: {', '.join(known)}" if known else "; the scene has none"
         hint = did_you_mean(str(wanted), known, limit=0) or listed
         raise SceneError(f'unknown sensor "{wanted}"{hint}', scene.location)
     return number
