@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
+from lajolla import _core
 from lajolla.scene import Description, SceneError, load_description
+from lajolla.scene.description.entries import row_of
 
 FRAME = '<scene version="{version}">\n<integrator type="path"/><sensor type="perspective"/>\n{body}\n</scene>'
 
@@ -41,3 +43,13 @@ def error(path: Path, **options: Any) -> str:  # noqa: ANN401
 def error_of(folder: Path, body: str, version: str = "3.0.0", **options: Any) -> str:  # noqa: ANN401
     """The message with which a small scene is refused."""
     return error(write_scene(folder, body, version), **options)
+
+
+def entries(stored: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """A list of a description without columns."""
+    columns = [[v for v in entry.values() if isinstance(v, _core.Column)] for entry in stored]
+    return [
+        row_of(entry, i)
+        for entry, held in zip(stored, columns, strict=True)
+        for i in range(len(held[0]) if held else 1)
+    ]

@@ -117,7 +117,7 @@ def test_every_public_function_checks_its_options() -> None:
     [
         ({"spp": 0}, "spp must be in 1 to"),
         ({"spp": "many"}, "spp must be a whole number"),
-        ({"sampler": "halton"}, "unknown sampler 'halton'; choose from sobol, independent"),
+        ({"sampler": "halton"}, "unknown sampler 'halton'; valid: sobol, independent"),
         ({"sampler": "sobl"}, "unknown sampler 'sobl'; did you mean 'sobol'"),
         ({"integrator": "pth"}, "did you mean 'path'"),
         ({"size": 3}, "size must be 2 whole numbers"),

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from reader_tools import entries
 
 import lajolla
 from lajolla import _core
 from lajolla.scene import Description, SceneError, load_description
-from lajolla.scene.description.entries import row_of
 from lajolla.scene.syntax.element import Element
 from lajolla.scene.syntax.elements import parse_xml
 from lajolla.scene.syntax.errors import Source
@@ -162,16 +162,6 @@ def plain(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, _core.Mesh):
         return [value.vertices.tolist(), value.faces.tolist()]
     return value.item() if isinstance(value, np.generic) else value
-
-
-def entries(stored: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """A list of a description without columns."""
-    columns = [[v for v in entry.values() if isinstance(v, _core.Column)] for entry in stored]
-    return [
-        row_of(entry, i)
-        for entry, held in zip(stored, columns, strict=True)
-        for i in range(len(held[0]) if held else 1)
-    ]
 
 
 def whole(description: Description) -> dict[str, Any]:

@@ -27,7 +27,7 @@ def warn(warning: LajollaWarning) -> None:
 def suggestion(name: str, known: Collection[str]) -> str:
     """'; did you mean ...?' with the most similar name, or the list of known names."""
     near = difflib.get_close_matches(name, known := list(dict.fromkeys(known)), n=1)
-    return f"; did you mean {near[0]!r}?" if near else f"; choose from {', '.join(known)}"
+    return f"; did you mean {near[0]!r}?" if near else f"; valid: {', '.join(known)}"
 
 
 def names_checked(function: Function) -> Function:
