@@ -37,8 +37,8 @@ def reflectance(cosine: np.ndarray, eta: float) -> np.ndarray:
 
 
 def light_of(albedo: float, eta: float = 1, thickness: float = np.inf, paths: int = 200_000) -> float:
-    """What is seen of a layer with smooth boundaries from above, in light of radiance 1 from everywhere: paths
-    in one dimension, in double precision. `thickness` is optical."""
+    """What is seen of a layer with smooth boundaries from above, in light of radiance 1 from everywhere:
+    paths in one dimension, in double precision. `thickness` is optical."""
     rng = np.random.default_rng(SEED)
     entering = 1 - float(reflectance(np.array(1.0), eta))
     depth, cosine, weight = np.zeros(paths), np.ones(paths), np.full(paths, entering)
