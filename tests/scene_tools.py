@@ -117,6 +117,8 @@ def box_mesh() -> _core.Mesh:
 def make_scene(
     *,
     shapes: Sequence[Settings] = (),
+    groups: Sequence[Settings] = (),
+    instances: Sequence[Settings] = (),
     emitters: Sequence[Settings] = (),
     bsdfs: Sequence[Settings] = ({"type": "diffuse", "reflectance": 1},),
     adapters: Sequence[Settings] = (),
@@ -138,6 +140,8 @@ def make_scene(
             "materials": list(materials),
             "emitters": list(emitters),
             "shapes": list(shapes),
+            "groups": list(groups),
+            "instances": list(instances),
             "sensor": sensor or {"type": "perspective"},
             "film": {"width": size[0], "height": size[1], **(film or {})},
             "rfilter": rfilter or {"type": "box"},

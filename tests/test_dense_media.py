@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scene_tools import Settings, batch_means, check_mean, look_at, scaling
+from scene_tools import Settings, batch_means, check_mean, look_at, rotation, scaling, translation
 from statistics_tools import SEED
 from test_media import BALL, CUBE, GLASS, NULL, grid, homogeneous, media_scene
 
@@ -36,20 +36,21 @@ def reflectance(cosine: np.ndarray, eta: float) -> np.ndarray:
     return np.where(beyond > 0, (s**2 + p**2) / 2, 1.0)
 
 
-def behind_glass(albedo: float, eta: float, paths: int = 200_000) -> float:
-    """The same under a smooth boundary, seen from above: paths in one dimension, in double precision."""
+def light_of(albedo: float, eta: float = 1, thickness: float = np.inf, paths: int = 200_000) -> float:
+    """What is seen of a layer with smooth boundaries from above, in light of radiance 1 from everywhere:
+    paths in one dimension, in double precision. `thickness` is optical."""
     rng = np.random.default_rng(SEED)
     entering = 1 - float(reflectance(np.array(1.0), eta))
     depth, cosine, weight = np.zeros(paths), np.ones(paths), np.full(paths, entering)
     total = 0.0
     while len(depth):
         depth = depth + cosine * rng.exponential(size=len(depth))
-        out = depth < 0
-        mirrored = reflectance(-cosine[out], 1 / eta)
+        out = (depth < 0) | (depth > thickness)
+        mirrored = reflectance(np.abs(cosine[out]), 1 / eta)
         total += float((weight[out] * (1 - mirrored)).sum())
         weight[out] *= mirrored
         cosine[out] = -cosine[out]
-        depth[out] = 0  # it flies on from the boundary
+        depth[out] = np.clip(depth[out], 0, thickness)  # it flies on from the boundary
         weight = np.where(out, weight, weight * albedo)
         cosine = np.where(out, cosine, rng.uniform(-1, 1, len(depth)))
         survives = rng.random(len(depth)) < np.minimum(weight * 10, 1)
@@ -58,7 +59,7 @@ def behind_glass(albedo: float, eta: float, paths: int = 200_000) -> float:
     return total / paths + 1 - entering
 
 
-EXPECTED = {"null": plane_albedo(ALBEDO, 1), "glass": behind_glass(ALBEDO, 1.5)}
+EXPECTED = {"null": plane_albedo(ALBEDO, 1), "glass": light_of(ALBEDO, 1.5)}
 
 
 def half_space(density: float, bsdf: Settings, kind: str, shape: Settings = CUBE) -> np.ndarray:
@@ -113,4 +114,43 @@ def test_strategies_agree_in_dense_media(density: float) -> None:
 
 
 def test_the_oracles_agree() -> None:
-    assert abs(behind_glass(ALBEDO, 1 + 1e-9) - plane_albedo(ALBEDO, 1)) < 5e-3
+    assert abs(light_of(ALBEDO) - plane_albedo(ALBEDO, 1)) < 5e-3
+
+
+# ---- sheets
+
+WIDTH = 10.0
+CUBE_ERROR = WIDTH * 2.0**-18  # of a hit's position; rays start as far inside
+RECTANGLE_ERROR = 2 * CUBE_ERROR
+
+
+def sheet(kind: str, thickness: float) -> tuple[Settings, ...]:
+    if kind == "cube":
+        return ({**CUBE, "to_world": scaling(WIDTH, WIDTH, thickness / 2)},)
+    side = {"type": "rectangle", "material": 0, "interior": 0}
+    upper = translation(0, 0, thickness / 2) @ scaling(WIDTH, WIDTH, 1)
+    return ({**side, "to_world": upper}, {**side, "to_world": rotation((1, 0, 0), 180) @ upper})
+
+
+SHEETS = [(albedo, eta) for albedo in (0.0, 0.5) for eta in (1.0, 1.5)]
+LIGHT_OF_SHEETS = {(albedo, eta): light_of(albedo, eta, 1) for albedo, eta in SHEETS if albedo}
+for eta in (1.0, 1.5):  # the geometric series of what is mirrored within
+    mirrored, passed = float(reflectance(np.array(1.0), eta)), np.exp(-1)
+    LIGHT_OF_SHEETS[0.0, eta] = mirrored + (1 - mirrored) ** 2 * passed / (1 - mirrored * passed)
+
+
+@pytest.mark.parametrize("errors", [100, 12, 8.1, 7.9, 4, 2, 1.3])
+@pytest.mark.parametrize("kind", ["cube", "rectangles"])
+@pytest.mark.parametrize("albedo, eta", SHEETS)
+def test_a_sheet_looks_the_same_however_thin(albedo: float, eta: float, kind: str, errors: float) -> None:
+    """A sheet of optical thickness 1, as thick as some rounding errors: around 8, paths within it stay
+    near the surface they entered by."""
+    thickness = errors * (CUBE_ERROR if kind == "cube" else RECTANGLE_ERROR)
+    scene = media_scene(
+        homogeneous((1 - albedo) / thickness, albedo / thickness),
+        bsdf=NULL if eta == 1 else GLASS,
+        shapes=sheet(kind, thickness),
+        sensor={"type": "orthographic", "to_world": look_at((0, 0, 4), (0, 0, 0)) @ scaling(0.05, 0.05, 1)},
+        size=2,
+    )
+    check_mean("sheet", batch_means(scene, 128), LIGHT_OF_SHEETS[albedo, eta], 3e-3)

@@ -208,6 +208,69 @@ def test_a_closed_box_is_dark(distance: float, turned: bool) -> None:
     assert picture(scene, 16).max() == 0
 
 
+FAR_PLACES = [(1234567.3, 7654321.1, -2345678.7), (3e7, -2e6, 5e6), (0.1, 0.2, 0.3)]
+
+
+@pytest.mark.parametrize("contents", FAR_PLACES)
+@pytest.mark.parametrize("copies", FAR_PLACES)
+def test_contents_of_groups_are_moved_too(contents: tuple[float, ...], copies: tuple[float, ...]) -> None:
+    """However far the contents of a group are from its origin: instances are placed in double."""
+    box = {"type": "mesh", "mesh": box_mesh(), "material": 0}
+    ball = {"type": "sphere", "radius": 1.25, "center": (1, 0, 0), "material": 0}
+    place = translation(*copies)
+    back = place @ TURNED @ translation(*(-x for x in contents))
+
+    def seen(shapes: list[Settings], **more: object) -> np.ndarray:
+        scene = make_scene(
+            shapes=shapes,
+            emitters=[BRIGHT, {"type": "directional", "direction": (-1, -2, -3), "irradiance": 1}],
+            sensor={"type": "perspective", "to_world": place @ look_at((4, 3, 5), (0, 0, 0))},
+            **more,
+        )
+        return picture(scene, 16)
+
+    placed = seen([{**box, "to_world": place @ TURNED}, {**ball, "to_world": place @ TURNED}])
+    away = translation(*contents)
+    grouped = seen(
+        [{**box, "to_world": away}, {**ball, "to_world": away}],
+        groups=[{"shapes": [0, 1]}],
+        instances=[{"group": 0, "to_world": back}],
+    )
+    assert np.abs(grouped - placed).mean() < 2e-3 * placed.mean()
+
+
+def test_a_shape_of_two_groups_stays() -> None:
+    """It cannot be moved by both."""
+    shapes = [{"type": "sphere", "center": (2.0**10, 0, 0), "material": 0}]
+    view = translation(2.0**10, 0, 0) @ look_at((4, 3, 5), (0, 0, 0))
+    options = {"emitters": [BRIGHT], "sensor": {"type": "perspective", "to_world": view}}
+    instances = [{"group": 0}, {"group": 1, "to_world": translation(0, 3, 0)}]
+    groups = [{"shapes": [0]}, {"shapes": [0]}]
+    image = picture(make_scene(shapes=shapes, groups=groups, instances=instances, **options), 16)
+    upper = {**shapes[0], "center": (2.0**10, 3, 0)}
+    placed = picture(make_scene(shapes=[shapes[0], upper], **options), 16)
+    assert np.abs(image - placed).mean() < 2e-3 * placed.mean()
+
+
+def test_sizes_are_checked_where_shapes_are_moved_to() -> None:
+    here, there = (
+        picture(
+            make_scene(
+                shapes=[{"type": "sphere", "center": (x, 0, 0), "material": 0}],
+                emitters=[BRIGHT],
+                sensor={
+                    "type": "perspective",
+                    "to_world": translation(x, 0, 0) @ look_at((0, 0, 5), (0, 0, 0)),
+                },
+            ),
+            4,
+        )
+        for x in (0, 2.0**44)
+    )
+    assert here.mean() > 0
+    np.testing.assert_array_equal(there, here)
+
+
 def test_vertices_far_away_are_moved_too() -> None:
     """Where float32 holds the vertices exactly, nothing is lost."""
     near = box_mesh()

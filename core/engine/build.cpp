@@ -184,9 +184,7 @@ void read_shapes(const Dict &description, SceneParts &parts) {
                                read_id(entry, "emitter", parts.lights.size(), where),
                                read_id(entry, "interior", media, where),
                                read_id(entry, "exterior", media, where)});
-        auto shape = variant_from<Shape>(entry, where, {"material", "emitter", "interior", "exterior"});
-        check_size(shape, where);
-        return shape;
+        return variant_from<Shape>(entry, where, {"material", "emitter", "interior", "exterior"});
     });
     parts.groups = read_list(description, "groups", [&](const Dict &entry, const std::string &where) {
         return read_group(entry, parts.shapes.size(), where);
@@ -212,12 +210,12 @@ SceneParts read_parts(const Dict &description) {
     read_looks(description, parts);
     read_places(description, parts);
     constexpr int most_moves = 3; // from very far away, float32 determines the centre only step by step
-    for (int moves = 0; moves < most_moves; ++moves) {
-        const auto centre = far_centre(bounds_of(parts));
-        if (!centre) break;
-        for (std::size_t axis = 0; axis < 3; ++axis) parts.origin[axis] += (*centre)[axis];
-        read_places(recentred(description, parts.origin), parts);
-    }
+    Origins origins;
+    for (int moves = 0; moves < most_moves && origins.move(parts); ++moves)
+        read_places(recentred(description, parts, origins), parts);
+    parts.origin = origins.scene;
+    for (std::size_t id = 0; id < parts.shapes.size(); ++id)
+        check_size(parts.shapes[id], "shapes[" + std::to_string(id) + "]");
     check_scene_size(bounds_of(parts));
     parts.film = model_from<Film>(read_dict(description, "film"), "film");
     parts.filter = read_variant<PixelFilter>(description, "rfilter");

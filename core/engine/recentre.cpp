@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "engine/describe.h"
 
@@ -60,20 +62,25 @@ Point point_at(const Dict &entry, const char *key) {
     return point;
 }
 
-// Moves an entry with a transform. If the transform places `points`, the first of them becomes the origin.
-Dict placed(const Dict &entry, const Point &centre, std::initializer_list<const char *> points = {}) {
+// Moves an entry with a transform; its contents are first moved to `anchor`.
+Dict placed(const Dict &entry, const Point &centre, const Point &anchor = {}) {
     Matrix m{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}};
     const Value *const given = entry.find("to_world");
     if (given && !read_matrix(*given, m)) return entry; // it will be rejected
-    const Point anchor = points.size() ? point_at(entry, *points.begin()) : Point{};
     for (std::size_t row = 0; row < 3; ++row)
         m[row][3] += m[row][0] * anchor[0] + m[row][1] * anchor[1] + m[row][2] * anchor[2] - centre[row];
     List rows;
     for (const auto &row : m) rows.push_back(value_of(row));
-    Dict changed{{"to_world", std::move(rows)}};
+    return with(entry, {{"to_world", std::move(rows)}});
+}
+
+// The same with points that are placed by the transform, the first of which becomes the origin.
+Dict placed(const Dict &entry, const Point &centre, std::initializer_list<const char *> points) {
+    const Point anchor = point_at(entry, *points.begin());
+    Dict changed;
     for (const char *const key : points)
         if (entry.contains(key)) changed.add(key, value_of(difference(point_at(entry, key), anchor)));
-    return with(entry, changed);
+    return with(placed(entry, centre, anchor), changed);
 }
 
 Dict moved_point(const Dict &entry, const char *key, const Point &centre) {
@@ -114,30 +121,15 @@ Value moved_all(const Value &list, auto &&move) {
     return result;
 }
 
-// For each shape, whether it is in a group, whose instances are moved instead.
-std::vector<bool> members(const Dict &description) {
-    std::vector<bool> result;
-    for_each_entry(description, "groups", [&](const Dict &group, const std::string &) {
-        const Value *const given = group.find("shapes");
-        const List *const indices = given ? given->get_if<List>() : nullptr;
-        if (!indices) return;
-        for (const Value &index : *indices)
-            if (const auto id = read_integer(index, 0, 1 << 30)) {
-                result.resize(std::max(result.size(), static_cast<std::size_t>(*id) + 1));
-                result[static_cast<std::size_t>(*id)] = true;
-            }
-    });
-    return result;
-}
-
-} // namespace
-
-std::optional<Point> far_centre(const Bounds &scene) {
-    if (scene.empty()) return std::nullopt;
+// The new origin for something with these bounds, or nullopt if it need not move. It is a multiple of a power
+// of two about as large as the bounds, so that round coordinates stay round, and translating a scene by such
+// a multiple does not change the image.
+std::optional<Point> far_centre(const Bounds &box) {
+    if (box.empty()) return std::nullopt;
     Point middle{};
     double farthest = 0, squared = 0;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-        const double low = scene.low[axis], high = scene.high[axis];
+        const double low = box.low[axis], high = box.high[axis];
         middle[axis] = (low + high) / 2;
         farthest = std::max(farthest, std::abs(middle[axis]));
         squared += (high - low) * (high - low) / 4;
@@ -150,11 +142,41 @@ std::optional<Point> far_centre(const Bounds &scene) {
     return middle;
 }
 
-Dict recentred(const Dict &description, const Point &centre) {
+} // namespace
+
+bool Origins::move(const SceneParts &parts) {
+    bool moved = false;
+    const auto move_to = [&](Point &origin, const Bounds &box) {
+        const auto centre = far_centre(box);
+        for (std::size_t axis = 0; centre && axis < 3; ++axis) origin[axis] += (*centre)[axis];
+        moved |= centre.has_value();
+    };
+    move_to(scene, bounds_of(parts));
+
+    groups.resize(parts.groups.size());
+    group_of.assign(parts.shapes.size(), no_group);
+    bool share = false; // then groups stay where they are
+    for (std::size_t group = 0; group < groups.size(); ++group)
+        for (const std::uint32_t id : parts.groups[group])
+            share |= std::exchange(group_of[id], group) != no_group;
+    for (std::size_t group = 0; group < groups.size() && !share; ++group) {
+        Bounds box;
+        for (const std::uint32_t id : parts.groups[group])
+            box.extend(match(parts.shapes[id], [](const auto &shape) { return shape.bounds(); }));
+        move_to(groups[group], box);
+    }
+    return moved;
+}
+
+Dict recentred(const Dict &description, const SceneParts &parts, const Origins &origins) {
+    const Point &centre = origins.scene;
     const auto place = [&](const Dict &entry, std::size_t) { return placed(entry, centre); };
-    const std::vector<bool> is_member = members(description);
     const auto move_shape = [&](const Dict &entry, std::size_t index) {
-        return index < is_member.size() && is_member[index] ? entry : moved_shape(entry, centre);
+        const std::size_t group = origins.group_of[index];
+        return moved_shape(entry, group == Origins::no_group ? centre : origins.groups[group]);
+    };
+    const auto move_instance = [&](const Dict &entry, std::size_t index) {
+        return placed(entry, centre, origins.groups[static_cast<std::size_t>(parts.instances[index].group)]);
     };
     const auto move_light = [&](const Dict &entry, std::size_t) { return moved_light(entry, centre); };
 
@@ -162,7 +184,8 @@ Dict recentred(const Dict &description, const Point &centre) {
     for (const auto &[key, value] : description) {
         if (key == "shapes") result.add(key, moved_all(value, move_shape));
         else if (key == "emitters") result.add(key, moved_all(value, move_light));
-        else if (key == "instances" || key == "volumes") result.add(key, moved_all(value, place));
+        else if (key == "instances") result.add(key, moved_all(value, move_instance));
+        else if (key == "volumes") result.add(key, moved_all(value, place));
         else if (const Dict *const sensor = key == "sensor" ? value.get_if<Dict>() : nullptr)
             result.add(key, sensor->contains("type") ? moved_sensor(*sensor, centre) : *sensor);
         else result.add(key, value);

@@ -1,23 +1,32 @@
 #pragma once
 // Scenes far from the origin, such as those in geographic coordinates: float32 cannot resolve details there,
-// so the scene is moved to the origin while its transforms are still double.
+// so the scene is moved to the origin while its transforms are still double, and so are the contents of groups.
 
 #include <array>
-#include <optional>
+#include <vector>
 
 #include "engine/value.h"
-#include "geometry/shape_sample.h"
+#include "scene/scene.h"
 
 namespace lajolla {
 
 using Point = std::array<double, 3>;
 
-// The new origin for a scene with these bounds, or nullopt if it need not move. It is a multiple of a power
-// of two about as large as the scene, so that round coordinates stay round, and translating a scene by such a
-// multiple does not change the image.
-std::optional<Point> far_centre(const Bounds &scene);
+// The origins of a scene and of each group in its own space.
+struct Origins {
+    static constexpr std::size_t no_group = ~std::size_t(0);
 
-// The same scene relative to `centre`: changes all transforms and positions in world space.
-Dict recentred(const Dict &description, const Point &centre);
+    Point scene{};
+    std::vector<Point> groups;
+    std::vector<std::size_t> group_of; // of each shape
+
+    // Moves the origins to shapes that are far from them; returns whether any moved. `parts` are relative to
+    // the origins.
+    bool move(const SceneParts &parts);
+};
+
+// The same scene relative to other origins: changes all transforms and positions in world space. `parts` were
+// read from the description before.
+Dict recentred(const Dict &description, const SceneParts &parts, const Origins &origins);
 
 } // namespace lajolla

@@ -34,23 +34,26 @@ public:
     const Hit<float> &hit() const { return hit_; }
     void move(const Vec3f &step) { offset_ += step; }
     bool reaches(float distance) const { return distance < radius(); }
+    float depth() const { return max(dot(offset_, inwards_), 0.0f); }
 
     // The point at which the medium is evaluated and rays start: as far away as rays that leave the surface.
     Vec3f inside() const { return hit_.position + inwards_ * hit_.position_error; }
     Vec3f position() const { return hit_.position + offset_ + inwards_ * lift(); }
 
     // The distance along a direction for which this approximation holds, and whether the surface is reached
-    // there.
+    // there. Another surface is met at `far`.
     struct Way {
         float length;
         bool meets_surface;
     };
-    Way way(const Vec3f &direction) const {
+    Way way(const Vec3f &direction, float far = infinity) const {
         const float along = dot(offset_, direction);
         const float to_rim = safe_sqrt(sqr(along) + sqr(radius()) - length_squared(offset_)) - along;
         const float to_surface = depth() / -dot(inwards_, direction);
-        const bool meets = dot(inwards_, direction) < 0 && to_surface <= to_rim;
-        return {meets ? to_surface : max(to_rim, 0.0f), meets};
+        // Rays often find this surface itself, at a distance with less precision.
+        const bool meets =
+            dot(inwards_, direction) < 0 && to_surface <= min(to_rim, far + hit_.position_error);
+        return {meets ? to_surface : min(max(to_rim, 0.0f), far), meets};
     }
 
     // A ray from position(), moved to start at the true position, with the same end.
@@ -64,7 +67,6 @@ public:
 
 private:
     float radius() const { return 8 * hit_.position_error; }
-    float depth() const { return max(dot(offset_, inwards_), 0.0f); }
     float lift() const { return max(hit_.position_error - depth(), 0.0f); }
 
     Hit<float> hit_;
@@ -170,6 +172,10 @@ private:
         if (!scatters_) result.sigma_s = Spectrum(0);
         return result;
     }
+
+    // The path collides at a distance before what its ray found, and continues near that if nothing else is
+    // nearer.
+    void approach(const Scene &scene, const Ray<float> &ray, const RayHit &found, float remaining);
 
     float draw(float &u) { return std::exchange(u, numbers_.next()); }
     float event(const Spectrum &f, const Spectrum &p, Spectrum &weight);
@@ -324,14 +330,18 @@ inline Flight InMedia::fly(const Scene &scene, Ray<float> ray, const std::option
     if (near_) {
         ray = near_->lowered(ray);
         if (media.is_dense(current, near_->hit().position_error)) {
-            const NearSurface::Way way = near_->way(ray.direction);
+            const NearSurface::Way way = near_->way(ray.direction, ray.far);
             const Coefficients at = coefficients(media, near_->inside(), ray.direction);
             const auto distance = fly(at, way.length, thickness, flight);
-            if (distance) near_->move(ray.direction * *distance);
-            if (distance) flight.collision = near_->position();
-            else if (way.meets_surface) flight.surface = near_->hit();
-            if (distance || way.meets_surface) return flight;
-            ray.near = min(way.length, ray.far);
+            if (distance) {
+                near_->move(ray.direction * *distance);
+                if (found && !way.meets_surface) approach(scene, given, *found, ray.far - *distance);
+                flight.collision = near_->position();
+            } else if (way.meets_surface) {
+                flight.surface = near_->hit();
+            }
+            if (distance || way.meets_surface || way.length == ray.far) return flight;
+            ray.near = way.length;
         }
     }
     near_.reset();
@@ -339,15 +349,18 @@ inline Flight InMedia::fly(const Scene &scene, Ray<float> ray, const std::option
         media[current], [&](const auto &model) { return fly(model, media, ray, thickness, flight, u); });
     if (!distance) return flight;
     flight.collision = ray.origin + ray.direction * *distance;
-    if (!found || !media.is_dense(current, position_error(max_component(abs(*flight.collision)))))
-        return flight;
-    const Hit<float> hit = scene.hit(given, *found, {}, scene.needs());
-    const Vec3f offset = ray.direction * (*distance - ray.far);
-    if (const NearSurface ahead(hit, -ray.direction, offset); ahead.reaches(ray.far - *distance)) {
-        near_ = ahead;
-        flight.collision = near_->position();
+    if (found && media.is_dense(current, position_error(max_component(abs(*flight.collision))))) {
+        approach(scene, given, *found, ray.far - *distance);
+        if (near_) flight.collision = near_->position();
     }
     return flight;
+}
+
+inline void InMedia::approach(const Scene &scene, const Ray<float> &ray, const RayHit &found,
+                              float remaining) {
+    const Hit<float> hit = scene.hit(ray, found, {}, scene.needs());
+    const NearSurface ahead(hit, -ray.direction, ray.direction * -remaining);
+    if (ahead.reaches(remaining) && (!near_ || ahead.depth() < near_->depth())) near_ = ahead;
 }
 
 inline void InMedia::attenuate(const Scene &scene, const Ray<float> &ray, Transmittance &light) {
