@@ -5,6 +5,7 @@ import os
 import platform
 import secrets
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -67,7 +68,12 @@ def written_to(target: Target, ending: str) -> Iterator[Path]:
 
 def name_of(target: Target) -> str:
     """What messages call it."""
-    return str(target if isinstance(target, Path) else getattr(target, "name", "the picture"))
+    if isinstance(target, Path):
+        return str(target)
+    if target is getattr(sys.stdout, "buffer", None):
+        return "standard output"
+    name = getattr(target, "name", None)
+    return name if isinstance(name, str) else "the picture"  # files opened by their number are named by it
 
 
 @contextmanager
