@@ -188,6 +188,19 @@ def test_mistakes_get_one_clear_message(words: str, message: str, capsys: Captur
     assert files() == set()
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("check {}", "render {}", "convert {} a.xml", "compare {} {}", "convert room.xml {}"),
+        *("render room.xml -o {}.png", "compare room.xml room.xml --diff {}.png"),
+    ],
+)
+def test_too_long_names_are_shown_in_part(words: str, capsys: Capture) -> None:
+    assert cli.main(words.format("x" * 5000, "x" * 5000).split()) == 1
+    shown = capsys.readouterr().err
+    assert f"{'x' * 77}...: " in shown and "File name too long\n" in shown and len(shown) < 200
+
+
 def test_broken_scene_shows_the_place(capsys: Capture) -> None:
     Path("room.xml").write_text(SCENE.replace('type="sphere"', 'type="sphree"'))
     assert cli.main(["render", "room.xml", "--strict"]) == 1

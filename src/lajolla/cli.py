@@ -311,7 +311,7 @@ def command_check(arguments: argparse.Namespace) -> int:
 
 
 def _check_all(arguments: argparse.Namespace) -> int:
-    if not arguments.scene.is_dir():
+    if not os.path.isdir(arguments.scene):
         raise UsageError(f"{arguments.scene} is no folder; --all opens every scene below a folder")
     findings = lajolla.survey.survey(arguments.scene, lambda path: load(arguments, path))
     if arguments.json:

@@ -30,6 +30,12 @@ def suggestion(name: str, known: Collection[str]) -> str:
     return f"; did you mean {near[0]!r}?" if near else f"; valid: {', '.join(known)}"
 
 
+def shortened(name: object, longest: int = 80) -> str:
+    """A name as messages show it where it is too long to be one."""
+    text = str(name)
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
 def names_checked(function: Function) -> Function:
     """Lets a function answer an unknown option with the nearest one that it has, as a TypeError."""
     code = function.__code__

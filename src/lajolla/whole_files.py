@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
+from lajolla.messages import shortened
 from lajolla.picture_files import ImageError
 
 Target: TypeAlias = Path | BinaryIO  # where a file is written: its path, or a stream
@@ -30,7 +31,7 @@ def check_folder(path: Path) -> None:
         if target.is_dir():
             raise ImageError(f"{path}: is a folder")
     except OSError as error:  # the name is too long
-        raise ImageError(f"{path}: {error.strerror}") from error
+        raise ImageError(f"{shortened(path)}: {error.strerror}") from error
     if not os.access(target.parent, os.W_OK):
         raise ImageError(f"{path}: the folder {target.parent} is not writable")
 
