@@ -155,6 +155,8 @@ def test_pixel(capsys: Capture) -> None:
         ("render - --spp 1", "name it with -o"),
         ("check --all -", "- is no folder"),
         ("completion csh", "invalid choice: 'csh'"),
+        ("convert room.xml - --pack", "--pack writes meshes beside OUT; standard output has no room"),
+        ("convert room.xml ./room.xml", "room.xml is the scene itself"),
         ("render room.xml --pixel 0,0 --sample 99999999999", "sample must be in 0 to"),
         ("render room.xml --threads 100000", "threads must be in 1 to 1024"),
         ("render room.xml --seed 99999999999", "seed must be in 0 to 4294967295, not 99999999999"),
@@ -184,6 +186,19 @@ def test_mistakes_get_one_clear_message(words: str, message: str, capsys: Captur
     assert captured.out == ""
     assert "Traceback" not in captured.err
     assert files() == set()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("check {}", "render {}", "convert {} a.xml", "compare {} {}", "convert room.xml {}"),
+        *("render room.xml -o {}.png", "compare room.xml room.xml --diff {}.png"),
+    ],
+)
+def test_too_long_names_are_shown_in_part(words: str, capsys: Capture) -> None:
+    assert cli.main(words.format("x" * 5000, "x" * 5000).split()) == 1
+    shown = capsys.readouterr().err
+    assert f"{'x' * 77}...: " in shown and "File name too long\n" in shown and len(shown) < 200
 
 
 def test_broken_scene_shows_the_place(capsys: Capture) -> None:
@@ -580,8 +595,50 @@ def test_a_full_standard_output_loses_no_other_picture() -> None:
     with open("/dev/full", "wb") as full:
         result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)
     assert result.returncode == 1
-    assert result.stderr == b"lajolla: error: <stdout>: cannot be written: No space left on device\n"
+    assert result.stderr == b"lajolla: error: standard output: cannot be written: No space left on device\n"
     assert files() == {"b.png"}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("render room.xml -o - --format png", "render room.xml -o a.png --stats -", "compare a.png b.png"),
+        *("render room.xml --pixel 0,0", "check room.xml", "convert room.xml -", "list", "completion bash"),
+    ],
+)
+def test_a_closed_standard_output_is_found_first(words: str) -> None:
+    """Without rendering anything, which would be lost."""
+    command = shlex.join([sys.executable, "-m", "lajolla", *words.split()]) + " >&-"
+    result = subprocess.run(command, shell=True, stderr=subprocess.PIPE, timeout=60, check=False)
+    assert result.returncode == 1
+    assert result.stderr == b"lajolla: error: standard output is closed, and the result belongs there\n"
+    assert files() == set()
+
+
+def test_a_converted_scene_on_standard_output() -> None:
+    """It is the text of the file, with messages elsewhere; what needs more files is refused."""
+    named = SCENE.replace("<shape", '<shape id="Kugel-\N{LATIN SMALL LETTER A WITH DIAERESIS}"')
+    Path("room.xml").write_text(named, encoding="utf-8")
+    assert run("convert", "room.xml", "new.xml").returncode == 0
+    for result in (
+        piped("convert", "-", "-", data=named.encode()),
+        piped("convert", "room.xml", "/dev/stdout"),
+    ):
+        assert result.returncode == 0, result.stderr
+        assert result.stdout == Path("new.xml").read_bytes()
+        assert result.stderr == b"lajolla: wrote standard output\n"
+    mesh = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    mesh += (
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    )
+    Path("\udcff.ply").write_text(mesh)  # a name that XML cannot hold, so that the mesh is copied
+    text = SCENE.replace(
+        "</scene>", '<shape type="ply"><string name="filename" value="\xff.ply"/></shape></scene>'
+    )
+    result = piped("convert", "-", "-", data=text.encode())
+    assert result.returncode == 1 and result.stdout == b""
+    assert b"name a file instead of standard output" in result.stderr
+    assert files() == {"new.xml", "\udcff.ply"}
 
 
 def test_no_picture_goes_to_a_terminal(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:

@@ -112,6 +112,11 @@ def test_every_public_function_checks_its_options() -> None:
                 function(nonsense=1)
 
 
+def test_too_long_names_are_scene_errors() -> None:
+    with pytest.raises(lajolla.SceneError, match=r"^x{77}\.\.\.: error: cannot be read: File name too long$"):
+        lajolla.load("x" * 5000)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

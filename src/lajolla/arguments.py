@@ -41,7 +41,8 @@ examples:
     "convert": """\
 examples:
   lajolla convert old.xml new.xml           meshes and textures stay where they are
-  lajolla convert old.xml new.xml --pack    meshes are copied beside new.xml""",
+  lajolla convert old.xml new.xml --pack    meshes are copied beside new.xml
+  lajolla convert - - < old.xml > new.xml""",
     "compare": """\
 examples:
   lajolla compare noisy.exr reference.exr --diff difference.png
@@ -109,6 +110,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         parser.error("a command is required: " + ", ".join(commands))
     if arguments.command == "render":
         _check_render(arguments, commands["render"])
+    if arguments.command == "convert" and arguments.pack and is_standard_output(arguments.target):
+        commands["convert"].error("--pack writes meshes beside OUT; standard output has no room for them")
     return arguments
 
 
@@ -120,8 +123,20 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
     outputs = [str(path) for path in arguments.outputs or []]
     if str(arguments.scene) == "-" and not outputs and arguments.pixel is None:
         parser.error("a scene from standard input has no name for its picture: name it with -o")
-    if "-" in outputs and STREAMS.get(str(arguments.stats)) == "stdout":
+    if "-" in outputs and is_standard_output(arguments.stats):
         parser.error("the picture and --stats cannot both go to standard output")
+
+
+def prints_results(arguments: argparse.Namespace) -> bool:
+    """Whether a result of a command goes to standard output."""
+    if arguments.command == "render":
+        named = [*(arguments.outputs or []), arguments.stats]
+        return arguments.pixel is not None or any(is_standard_output(path) for path in named)
+    return arguments.command != "convert" or is_standard_output(arguments.target)
+
+
+def is_standard_output(path: Path | None) -> bool:
+    return STREAMS.get(str(path)) == "stdout"
 
 
 def _refuse_command(word: str, commands: list[str]) -> NoReturn:
@@ -272,7 +287,13 @@ def _add_check(parser: Parser) -> None:
 
 def _add_convert(parser: Parser) -> None:
     _add_file(parser)
-    parser.add_argument("target", type=Path, metavar="OUT", help="XML file to write, of version 3.0.0")
+    parser.add_argument(
+        "target",
+        type=Path,
+        metavar="OUT",
+        help="XML file to write, of version 3.0.0; - is standard output, where names of files are "
+        "relative to the working folder",
+    )
     parser.add_argument(
         "--pack",
         action="store_true",

@@ -19,8 +19,24 @@ from pathlib import Path
 from typing import BinaryIO
 
 import lajolla  # its modules are loaded when they are first used, which no --help does
-from lajolla.arguments import UsageError, for_each_sensor, parse, replay_command
-from lajolla.display import coloured, discard, print_message, progress_display, rate, safe_messages, say
+from lajolla.arguments import (
+    UsageError,
+    for_each_sensor,
+    is_standard_output,
+    parse,
+    prints_results,
+    replay_command,
+)
+from lajolla.display import (
+    coloured,
+    discard,
+    is_closed,
+    print_message,
+    progress_display,
+    rate,
+    safe_messages,
+    say,
+)
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
 LEAST_MEMORY = (
@@ -75,6 +91,8 @@ def _check_memory_limit() -> None:
 def _run_command(arguments: argparse.Namespace) -> int:
     """Runs a command; an error of a scene, option or picture becomes one message."""
     _check_memory_limit()
+    if prints_results(arguments) and is_closed(sys.stdout):
+        raise UsageError("standard output is closed, and the result belongs there")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy would start threads that spin for nothing
     # This loads the renderer, outside of the block whose handlers need it: the user may interrupt already.
     refusals = (lajolla.OptionError, lajolla.ImageError, lajolla._core.DescriptionError)
@@ -219,20 +237,24 @@ def _report_nonfinite(rendering: lajolla.Rendering, arguments: argparse.Namespac
 
 
 def command_convert(arguments: argparse.Namespace) -> int:
-    target: Path = arguments.target
-    if target.exists() and arguments.scene.exists() and target.samefile(arguments.scene):
-        raise UsageError(f"{target} is the scene itself; name another file to write")
-    lajolla.whole_files.check_folder(target)
+    target = Path("-") if is_standard_output(arguments.target) else arguments.target
+    if str(target) != "-":
+        lajolla.whole_files.check_folder(target)
+        if str(arguments.scene) != "-" and _same_file(target, arguments.scene):
+            raise UsageError(f"{target} is the scene itself; name another file to write")
     parameters = dict(arguments.parameters)
     result = lajolla.scene.convert(
         _scene(arguments), target, parameters=parameters, strict=arguments.strict, pack=arguments.pack
     )
     for warning in result.warnings:
         print_message(warning)
+    if str(target) == "-" and result.files:
+        needed = f"files beside the scene, such as {next(iter(result.files))}"
+        raise UsageError(f"this scene needs {needed}; name a file instead of standard output")
     patience = Patience("the scene")
     with handled_by(patience):
         patience.save(_write_export, target, result)
-    written = str(target)
+    written = "standard output" if str(target) == "-" else str(target)
     if result.files:
         count, folder = len(result.files), Path(next(iter(result.files))).parent
         written += f" and {count} file{'s' if count > 1 else ''} in {folder}"
@@ -243,13 +265,19 @@ def command_convert(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _same_file(a: Path, b: Path) -> bool:
+    return os.path.exists(a) and os.path.exists(b) and os.path.samefile(a, b)
+
+
 def _write_export(target: Path, result: lajolla.scene.Export) -> None:
     """Writes all files under temporary names before renaming the first: old and new files do not match."""
     for folder in {Path(name).parent for name in result.files}:
         (target.parent / folder).mkdir(exist_ok=True)
     replacing = lajolla.whole_files.replacing
     with ExitStack() as replacements:
-        temporary = replacements.enter_context(replacing(target))  # the last to take its place
+        # The last to take its place.
+        stream_or_path = sys.stdout.buffer if str(target) == "-" else target
+        temporary = replacements.enter_context(lajolla.whole_files.written_to(stream_or_path, ".xml"))
         temporary.write_text(result.text, encoding="utf-8")
         for name, content in result.files.items():
             temporary = replacements.enter_context(replacing(target.parent / name))
@@ -283,7 +311,7 @@ def command_check(arguments: argparse.Namespace) -> int:
 
 
 def _check_all(arguments: argparse.Namespace) -> int:
-    if not arguments.scene.is_dir():
+    if not os.path.isdir(arguments.scene):
         raise UsageError(f"{arguments.scene} is no folder; --all opens every scene below a folder")
     findings = lajolla.survey.survey(arguments.scene, lambda path: load(arguments, path))
     if arguments.json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
 import os
 import re
@@ -65,6 +66,15 @@ def open_streams() -> None:
     for stream in (sys.stdout, sys.stderr):  # names of files can be any bytes
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+
+
+def is_closed(stream: TextIO) -> bool:
+    """Whether a standard stream takes nothing, as `open_streams` leaves one that was closed."""
+    try:
+        mode = fcntl.fcntl(stream.fileno(), fcntl.F_GETFL) & os.O_ACCMODE
+    except (OSError, ValueError):  # it is no file
+        return False
+    return mode == os.O_RDONLY
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import shutil
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lajolla.colour import FloatImage, decode_srgb, encode_srgb, xyz_to_rgb
 from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, Film, matrix_text
-from lajolla.messages import names_checked, warn
+from lajolla.messages import names_checked, shortened, warn
 from lajolla.picture_files import (
     ImageError,
     ImageWarning,
@@ -200,14 +201,17 @@ def _read(source: Source) -> tuple[FloatImage, dict[str, FloatImage]]:
 
 
 def _read_file(path: Path, name: str) -> tuple[FloatImage, dict[str, FloatImage]]:
-    if not path.is_file():
-        raise ImageError(f"{name}: {'not a file' if path.exists() else 'no such file'}")
     try:
+        if not path.is_file():
+            raise ImageError(f"{name}: {'not a file' if path.exists() else 'no such file'}")
         with opened(path) as (file, _):
             spec = file.spec()
             whole = str(spec.format) == "uint"  # EXR files of whole numbers, which mean themselves
             pixels = file.read_image("uint" if whole else "float")
             problem = reason(file, "")
+    except OSError as error:
+        shown = shortened(name) if error.errno == errno.ENAMETOOLONG else name
+        raise ImageError(f"{shown}: cannot be read: {error.strerror}") from None
     except PictureError as error:
         raise ImageError(f"{name}: cannot be read as a picture: {error}") from None
     if pixels is None or problem:

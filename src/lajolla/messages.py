@@ -30,6 +30,12 @@ def suggestion(name: str, known: Collection[str]) -> str:
     return f"; did you mean {near[0]!r}?" if near else f"; valid: {', '.join(known)}"
 
 
+def shortened(name: object, longest: int = 80) -> str:
+    """A name as messages show it where it is too long to be one."""
+    text = str(name)
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
 def names_checked(function: Function) -> Function:
     """A decorator: unknown keyword arguments raise a TypeError that suggests the most similar one."""
     code = function.__code__

@@ -5,12 +5,14 @@ import os
 import platform
 import secrets
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
+from lajolla.messages import shortened
 from lajolla.picture_files import ImageError
 
 Target: TypeAlias = Path | BinaryIO  # where a file is written: its path, or a stream
@@ -29,7 +31,7 @@ def check_folder(path: Path) -> None:
         if target.is_dir():
             raise ImageError(f"{path}: is a folder")
     except OSError as error:  # the name is too long
-        raise ImageError(f"{path}: {error.strerror}") from error
+        raise ImageError(f"{shortened(path)}: {error.strerror}") from error
     if not os.access(target.parent, os.W_OK):
         raise ImageError(f"{path}: the folder {target.parent} is not writable")
 
@@ -67,7 +69,12 @@ def written_to(target: Target, ending: str) -> Iterator[Path]:
 
 def name_of(target: Target) -> str:
     """What messages call it."""
-    return str(target if isinstance(target, Path) else getattr(target, "name", "the picture"))
+    if isinstance(target, Path):
+        return str(target)
+    if target is getattr(sys.stdout, "buffer", None):
+        return "standard output"
+    name = getattr(target, "name", None)
+    return name if isinstance(name, str) else "the picture"  # files opened by their number are named by it
 
 
 @contextmanager

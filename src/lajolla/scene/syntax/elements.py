@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import codecs
+import errno
 import re
 import xml.parsers.expat
 from collections.abc import Callable
 from pathlib import Path
+
+from lajolla.messages import shortened
 
 from .element import Element
 from .errors import Diagnostics, Location, SceneError, Source
@@ -35,11 +38,13 @@ def read_source(path: Path, diagnostics: Diagnostics, data: bytes | None = None)
 
 
 def _bytes_of(path: Path, source: Source) -> bytes:
-    if not path.is_file():
-        raise SceneError("no such file" if not path.exists() else "not a file", Location(source))
     try:
+        if not path.is_file():
+            raise SceneError("no such file" if not path.exists() else "not a file", Location(source))
         return file_bytes(path)
     except OSError as problem:
+        if problem.errno == errno.ENAMETOOLONG:
+            source.name = shortened(path)
         raise SceneError(f"cannot be read: {problem.strerror}", Location(source)) from None
 
 

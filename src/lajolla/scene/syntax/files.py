@@ -9,6 +9,8 @@ import stat
 from collections.abc import Iterable
 from pathlib import Path
 
+from lajolla.messages import shortened
+
 from .errors import Location, SceneError
 
 MAX_BYTES = 1 << 34  # of a file that is read as a whole
@@ -61,9 +63,8 @@ def find_file(name: str, directories: Iterable[Path], location: Location) -> Pat
         found = _in_any_case(directory / spelling)
         if found is not None:
             return found
-    shown = name if len(name) <= 80 else name[:77] + "..."
     where = "" if wanted.startswith("/") else f"; searched: {', '.join(map(str, searched))}"
-    raise MissingFile(f'file "{shown}" not found{where}', location)
+    raise MissingFile(f'file "{shortened(name)}" not found{where}', location)
 
 
 def _spellings(name: str) -> list[str]:
