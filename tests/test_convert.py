@@ -177,7 +177,7 @@ def test_what_cannot_be_written_is_told(tmp_path: Path, capsys: pytest.CaptureFi
         <shape type="sphere"><bsdf type="hk"/></shape></scene>"""
     )
     assert cli.main(["convert", str(path), str(tmp_path / "new.xml")]) == 0
-    assert 'no bsdf "hk"; "diffuse" is' in capsys.readouterr().err
+    assert 'unknown bsdf "hk"; "diffuse" is' in capsys.readouterr().err
     assert cli.main(["convert", str(path), str(path)]) == 1
     assert "is the scene itself" in capsys.readouterr().err
     assert cli.main(["convert", str(path), str(tmp_path / "nowhere" / "new.xml")]) == 1
