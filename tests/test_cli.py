@@ -156,6 +156,7 @@ def test_pixel(capsys: Capture) -> None:
         ("check --all -", "- is no folder"),
         ("completion csh", "invalid choice: 'csh'"),
         ("convert room.xml - --pack", "--pack writes meshes beside OUT; standard output has no room"),
+        ("compare - -", "standard input holds one picture, not both"),
         ("convert room.xml ./room.xml", "room.xml is the scene itself"),
         ("render room.xml --pixel 0,0 --sample 99999999999", "sample must be in 0 to"),
         ("render room.xml --threads 100000", "threads must be in 1 to 1024"),
@@ -613,6 +614,13 @@ def test_a_closed_standard_output_is_found_first(words: str) -> None:
     assert result.returncode == 1
     assert result.stderr == b"lajolla: error: standard output is closed, and the result belongs there\n"
     assert files() == set()
+
+
+def test_a_picture_on_standard_input_is_compared() -> None:
+    image.write("a.pfm", np.full((2, 3, 3), 0.5))
+    result = piped("compare", "-", "a.pfm", data=Path("a.pfm").read_bytes())
+    assert result.returncode == 0 and result.stdout == piped("compare", "a.pfm", "a.pfm").stdout
+    assert piped("compare", "a.pfm", "-").stderr.startswith(b"lajolla: error: <stdin>: cannot be read")
 
 
 def test_a_converted_scene_on_standard_output() -> None:

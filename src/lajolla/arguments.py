@@ -110,6 +110,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         parser.error("a command is required: " + ", ".join(commands))
     if arguments.command == "render":
         _check_render(arguments, commands["render"])
+    if arguments.command == "compare" and str(arguments.a) == str(arguments.b) == "-":
+        commands["compare"].error("standard input holds one picture, not both")
     if arguments.command == "convert" and arguments.pack and is_standard_output(arguments.target):
         commands["convert"].error("--pack writes meshes beside OUT; standard output has no room for them")
     return arguments
@@ -302,7 +304,7 @@ def _add_convert(parser: Parser) -> None:
 
 
 def _add_compare(parser: Parser) -> None:
-    parser.add_argument("a", type=Path, metavar="A", help="picture")
+    parser.add_argument("a", type=Path, metavar="A", help="picture; - reads standard input")
     parser.add_argument("b", type=Path, metavar="B", help="reference picture")
     parser.add_argument(
         "--diff", type=Path, metavar="OUT", help="write a picture: red where A is brighter, blue where darker"

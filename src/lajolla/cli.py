@@ -327,7 +327,10 @@ def command_compare(arguments: argparse.Namespace) -> int:
         lajolla.image.check_output(arguments.diff)
         if arguments.diff.suffix.lower() not in lajolla.picture_formats.LOW_RANGE:
             raise lajolla.ImageError(f"{arguments.diff}: the difference picture is a PNG, JPEG or the like")
-    a, b = lajolla.image.read(arguments.a), lajolla.image.read(arguments.b)
+    a, b = (
+        lajolla.image.read(sys.stdin.buffer if str(path) == "-" else path)
+        for path in (arguments.a, arguments.b)
+    )
     facts = lajolla.report.comparison_facts(arguments.a, arguments.b, lajolla.comparison.compare(a, b))
     if arguments.json:
         print(lajolla.report.as_text(facts))

@@ -190,6 +190,9 @@ def _read(source: Source) -> tuple[FloatImage, dict[str, FloatImage]]:
     """Linear RGB, and the other channels by their names."""
     if isinstance(source, str | os.PathLike):
         return _read_file(Path(source), str(source))
+    if not isinstance(source, bytes | bytearray | memoryview) and not hasattr(source, "read"):
+        kind = type(source).__name__
+        raise TypeError(f"a picture is a file name, bytes or a binary file object, not {kind}")
     data = source if isinstance(source, bytes | bytearray | memoryview) else source.read()
     if isinstance(data, str):
         raise ImageError('a picture is read from bytes: open its file with mode "rb"')
@@ -213,9 +216,11 @@ def _read_file(path: Path, name: str) -> tuple[FloatImage, dict[str, FloatImage]
         shown = shortened(name) if error.errno == errno.ENAMETOOLONG else name
         raise ImageError(f"{shown}: cannot be read: {error.strerror}") from None
     except PictureError as error:
-        raise ImageError(f"{name}: cannot be read as a picture: {error}") from None
+        raise ImageError(
+            f"{name}: cannot be read as a picture: {str(error).replace(str(path), name)}"
+        ) from None
     if pixels is None or problem:
-        raise ImageError(f"{name}: cannot be read: {problem or 'unknown reason'}")
+        raise ImageError(f"{name}: cannot be read: {problem.replace(str(path), name) or 'unknown reason'}")
     pixels, names = pixels.astype(np.float32, copy=False), channel_names(spec)
     rgb = _rgb(pixels, names)
     others = {name: pixels[..., i] for i, name in enumerate(names) if name not in COLOURS}
@@ -238,7 +243,10 @@ def _rgb(pixels: FloatImage, names: list[str]) -> FloatImage:
 
 @names_checked
 def check_output(target: str | os.PathLike[str] | BinaryIO, format: str | None = None) -> None:
-    """Raises ImageError if a picture cannot be written: unknown format, missing folder, no permission."""
+    """Raises ImageError if a picture cannot be written: unknown format, missing folder, no permission.
+
+    Raises TypeError for what is neither a file name nor a binary file, ValueError for a closed one.
+    """
     path = _as_target(target)
     check_offered(ending_of(path if isinstance(path, Path) else None, format))
     if isinstance(path, Path):
@@ -246,7 +254,15 @@ def check_output(target: str | os.PathLike[str] | BinaryIO, format: str | None =
 
 
 def _as_target(target: str | os.PathLike[str] | BinaryIO) -> Target:
-    return Path(target) if isinstance(target, str | os.PathLike) else target
+    if isinstance(target, str | os.PathLike):
+        return Path(target)
+    if not hasattr(target, "write"):
+        raise TypeError(f"a picture goes to a file name or a binary file object, not {type(target).__name__}")
+    if isinstance(target, io.TextIOBase):
+        raise TypeError('a picture is written as bytes: open its file with mode "wb"')
+    if getattr(target, "closed", False):
+        raise ValueError("the file object for the picture is closed")
+    return target
 
 
 @names_checked
@@ -372,9 +388,11 @@ def write_encoded(
             check_space(target, width, height, format=ending)
         output = oiio.ImageOutput.create(name)
         if output is None:
-            raise ImageError(f"{name_of(target)}: {reason(oiio)}")
+            raise ImageError(f"{name_of(target)}: {reason(oiio).replace(name, name_of(target))}")
         done = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
         done = output.close() and done
-        problem = reason(output, "")  # the PNG writer reports success when the disk is full
+        problem = reason(output, "").replace(
+            name, name_of(target)
+        )  # the PNG writer reports success when the disk is full
         if not done or problem:
             raise ImageError(f"{name_of(target)}: cannot be written: {problem or 'unknown reason'}")

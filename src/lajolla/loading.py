@@ -78,6 +78,8 @@ class Scene:
     ) -> Image:
         """Renders the picture; the same scene, spp and seed give the same picture, bit for bit.
 
+        An exception, such as KeyboardInterrupt, loses the picture; a `rendering` keeps its finished passes.
+
         Args:
             spp: samples per pixel; default: the scene's own number.
             seed: seed of the sampler; default: the scene's own seed.

@@ -45,7 +45,7 @@ def opened(path: Path) -> Iterator[tuple[Any, int]]:
     with plain_name(path) as name:
         source = oiio.ImageInput.open(name, config)
         if source is None:
-            raise PictureError(reason(oiio))
+            raise PictureError(reason(oiio).replace(name, str(path)))
         try:
             spec = source.spec()
             depth = max(spec.depth, 1) * spec.nchannels * max(spec.format.size(), 1)

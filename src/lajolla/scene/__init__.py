@@ -263,6 +263,8 @@ def _named(file: SceneFile) -> tuple[Path, bytes | None]:
     """A scene file's path, to which other files are relative, and the content of an open file."""
     if isinstance(file, str | os.PathLike):
         return Path(file), None
+    if not hasattr(file, "read"):
+        raise TypeError(f"a scene is a file name or a binary file object, not {type(file).__name__}")
     name, data = getattr(file, "name", None), file.read()
     if not isinstance(data, bytes):
         raise TypeError('a scene is read from bytes: open its file with mode "rb"')
