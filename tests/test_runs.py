@@ -353,6 +353,65 @@ def test_members_are_their_text(shape: str, gap: str, count: int) -> None:
     assert texts == [shape + gap] * (count - 1) + [shape]
 
 
+GROUPED = (  # shapes of a group that become lights
+    '<shape type="sphere"><transform name="to_world"><scale value="{p}"/><translate value="{v}"/>'
+    '</transform><ref id="L"/></shape>',
+    '<shape type="sphere"><point name="center" value="{v}"/><ref id="L"/></shape>',
+    '<shape type="sphere"><point name="center" value="{v}"/><ref id="{any}"/></shape>',
+    '<shape type="cube">' + PLACE + '<ref id="a"/><ref id="{e}"/></shape>',
+    '<shape type="rectangle">' + PLACE + '<ref id="{e}"/></shape>',
+)
+
+
+@pytest.mark.parametrize("kind", GROUPED)
+@pytest.mark.parametrize("place", ['<scale x="-1"/>', '<translate y="1"/>'])
+def test_lights_of_a_group_may_be_a_run(kind: str, place: str, tmp_path: Path) -> None:
+    writer = Writer(1)
+    shapes = "".join(writer.shape(kind) for _ in range(3))
+    plain_spheres = "".join(writer.shape(KINDS[1]) for _ in range(3))
+    instance = f'<shape type="instance"><transform name="to_world">{place}</transform><ref id="q"/></shape>'
+    group = f'<shape type="shapegroup" id="q">{shapes}</shape>'
+    together = same(write(tmp_path / "scene.xml", INSIDE + plain_spheres + group + instance))
+    assert picture(together)
+
+
+@pytest.mark.parametrize("kind", [0, 1, 2, 3, 17, 19, 24, 25, 26], ids=lambda i: KINDS[i])
+def test_scenes_without_a_camera_may_have_runs(kind: int, tmp_path: Path) -> None:
+    writer = Writer(1)
+    path = write(tmp_path / "scene.xml", "".join(writer.shape(KINDS[kind]) for _ in range(5)), "0.6.0")
+    text = path.read_text()
+    path.write_text(text[: text.index("<sensor")] + text[text.index("</sensor>") + len("</sensor>") :])
+    assert same(path).core["sensor"]["far_clip"] > 0
+
+
+@pytest.mark.parametrize(
+    "texts",
+    [
+        ("1;2", "3", "4"),
+        ("1;2", "3;4", "1;4"),
+        ("1;", "2", "3"),
+        ("1", "2;", "3"),
+        (";", ";1", ";2"),
+        ("1;2", "3", ""),
+    ],
+)
+@pytest.mark.parametrize("kind", ['<float name="radius" value="{}"/>', '<point name="center" value="{}"/>'])
+def test_semicolons_are_no_separators_in_runs(texts: tuple[str, ...], kind: str, tmp_path: Path) -> None:
+    shapes = "".join(f'<shape type="sphere">{kind.format(text)}</shape>' for text in texts)
+    messages = []
+    for runs in (True, False):
+        with pytest.raises(SceneError) as refusal:
+            load_description(write(tmp_path / "scene.xml", shapes), runs=runs)
+        messages.append(str(refusal.value))
+    assert messages[0] == messages[1]
+
+
+def test_runs_of_instances_have_no_other_zeros(tmp_path: Path) -> None:
+    place = '<transform name="to_world"><scale value="-1"/><translate x="{}"/></transform>'
+    instances = (f'<shape type="instance">{place.format(x)}<ref id="g"/></shape>' for x in range(3))
+    same(write(tmp_path / "scene.xml", "".join(instances)))
+
+
 def test_broken_text_after_a_run_has_its_place(tmp_path: Path) -> None:
     path = tmp_path / "scene.xml"
     shape = KINDS[2].replace("{v}", "1, 2, 3") + "\n"

@@ -50,7 +50,7 @@ def _corners(points: list[Array]) -> Array:
 
 def _placed(instance: dict[str, Any], corners: Array) -> Array:
     """The corners of an instance's box."""
-    matrix = instance["to_world"]
+    matrix = np.asarray(instance["to_world"], float)
     return corners @ matrix[:3, :3].T + matrix[:3, 3]
 
 

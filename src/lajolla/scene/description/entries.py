@@ -53,7 +53,9 @@ class Entries(Sequence[Entry]):
 
 
 def row_of(entry: Entry, index: int) -> Entry:
-    """One of those that an entry is."""
+    """One of those that an entry is; the entry itself if it is only one, so that it can be changed."""
+    if not any(hasattr(value, "row") for value in entry.values()):
+        return entry
     return {name: value.row(index) if hasattr(value, "row") else value for name, value in entry.items()}
 
 

@@ -51,7 +51,7 @@ def add_instance(builder: Builder, node: Node, add_shape: AddShape) -> None:
     contents = _contents(builder, group_node, add_shape)
     matrix = placement(builder, node)
     for placed, group in contents.groups:
-        builder.add("instances", {"group": group, "to_world": matrix @ placed}, node)
+        builder.add("instances", {"group": group, "to_world": matrix @ placed + 0.0}, node)
     for placed, light in contents.lights:
         _add_light(builder, light, matrix @ placed, add_shape)
 
@@ -130,7 +130,7 @@ def _placed(group: Node, added: dict[Node, int], placed: dict[Node, int]) -> int
             elif child.plugin.lower() in ("shapegroup", "merge"):
                 total += _placed(child, added, placed)
             else:
-                total += any(True for _ in child.children("emitter"))
+                total += child.count * _has_lights(child)
         placed[group] = total
         _added(group, added, placed)
     return placed[group]
@@ -194,12 +194,18 @@ def flattened(
 
 
 def _one_by_one(builder: Builder, group: Node) -> Iterator[Node]:
-    """The shapes of a group; instances, which are made part of it, without runs."""
+    """The shapes of a group; instances and lights, which are placed one by one, without runs."""
     for child in members_of(group):
-        if child.run is not None and child.plugin.lower() == "instance":
+        if child.run is not None and (child.plugin.lower() == "instance" or _has_lights(child)):
             yield from builder.members(child)
         else:
             yield child
+
+
+def _has_lights(shape: Node) -> bool:
+    """Whether a shape, or any member of a run of shapes, has an emitter."""
+    values = (value for prop in shape.properties for value in (prop.value, *prop.members))
+    return any(isinstance(value, Node) and value.kind == "emitter" for value in values)
 
 
 def members_of(group: Node) -> Iterator[Node]:

@@ -43,6 +43,8 @@ def numbers_of(texts: list[str]) -> npt.NDArray[np.float64]:
         Irregular: a text contains something else than finite numbers, or texts differ in their count.
     """
     joined = ";".join(texts) + ";"
+    if joined.count(";") != len(texts):
+        raise Irregular
     if not ONE_EACH.fullmatch(joined):
         sizes = {len(text.replace(",", " ").split()) for text in texts}
         if len(sizes) != 1 or sizes == {0} or not SOME_EACH.fullmatch(joined):
