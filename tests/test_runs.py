@@ -407,7 +407,7 @@ def test_semicolons_are_no_separators_in_runs(texts: tuple[str, ...], kind: str,
 
 
 def test_runs_of_instances_have_no_other_zeros(tmp_path: Path) -> None:
-    place = '<transform name="to_world"><scale value="-1"/><translate x="{}"/></transform>'
+    place = '<transform name="to_world"><translate x="{}"/><scale value="-1"/></transform>'
     instances = (f'<shape type="instance">{place.format(x)}<ref id="g"/></shape>' for x in range(3))
     same(write(tmp_path / "scene.xml", "".join(instances)))
 

@@ -239,6 +239,6 @@ def _add_instances(builder: Builder, node: Node, entry: dict[str, Any], group_of
         groups = Column(np.array([found[member] for member in prop.members if isinstance(member, Node)]))
     else:
         groups = group_of(builder, prop.value)
-    to_world = entry.get("to_world", np.eye(4))  # without negative zeros, as single instances have none
-    to_world = Column(to_world.rows + 0.0) if isinstance(to_world, Column) else to_world + 0.0
+    matrix = entry.get("to_world", np.eye(4))  # without negative zeros, as single instances have none
+    to_world = Column(matrix.rows + 0.0) if isinstance(matrix, Column) else matrix + 0.0
     add_columns(builder, "instances", {"group": groups, "to_world": to_world}, node)
