@@ -291,7 +291,7 @@ def test_multichannel(tmp_path: Path) -> None:
         ('<integrator type="aov"><string name="aovs" value="normals"/></integrator>', "not NAME:VARIABLE"),
         (
             '<integrator type="aov"><string name="aovs" value="n:sh_norml"/></integrator>',
-            'no variable "sh_norml"; did you mean "sh_normal"?',
+            'unknown variable "sh_norml"; did you mean "sh_normal"?',
         ),
         (
             '<integrator type="aov"><string name="aovs" value="n:depth,n:depth"/></integrator>',

@@ -95,7 +95,7 @@ def test_options_that_do_not_fit(options: Options, message: str) -> None:
     ("options", "message"),
     [
         ({"integrator": "pth"}, "did you mean 'path'"),
-        ({"integrator": 5}, "there is no integrator 5"),
+        ({"integrator": 5}, "unknown integrator 5"),
         ({"integrator": "depth", "max_depth": 3}, "has no max_depth"),
         ({"max_depth": -2}, "max_depth must be in -1 to"),
         ({"spp": 2.5}, "spp must be a whole number, not 2.5"),

@@ -1,6 +1,7 @@
 #pragma once
 // Scenes far from the origin, such as those in geographic coordinates: float32 cannot resolve details there,
-// so the scene is moved to the origin while its transforms are still double, and so are the contents of groups.
+// so the scene is moved to the origin while its transforms are still double, and so are the contents of
+// groups.
 
 #include <array>
 #include <vector>
