@@ -12,7 +12,6 @@
 #include <immintrin.h>
 #endif
 
-#include "transport/coverage.h"
 #include "transport/wavefront.h"
 
 namespace lajolla {
@@ -66,67 +65,6 @@ void for_each_tile(const std::vector<Tile> &tiles, int threads, F &&f) {
 FilmSample<float> film_sample(const Scene &scene, const Sampler &sampler, const SampleId &id) {
     return sample_film(scene, sampler.camera(), static_cast<float>(id.x), static_cast<float>(id.y));
 }
-
-// Linear sRGB to CIE XYZ (IEC 61966-2-1).
-Spectrum to_xyz(Spectrum c) {
-    return {0.412453f * c.x + 0.357580f * c.y + 0.180423f * c.z, luminance(c),
-            0.019334f * c.x + 0.119193f * c.y + 0.950227f * c.z};
-}
-
-// The alpha of what an integrator shows: those that show surfaces instead of light look through nothing.
-float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sampler, PrimaryRay &primary,
-            Tracer &tracer) {
-    return match(integrator, [&](const auto &model) {
-        if constexpr (requires { model.medium(scene, primary.camera(), sampler); })
-            if (!scene.media().empty())
-                return coverage(scene, tracer, primary, model.hide_emitters,
-                                model.medium(scene, primary.camera(), sampler));
-        if constexpr (requires { model.hide_emitters; })
-            return coverage(scene, tracer, primary, model.hide_emitters, Vacuum());
-        else return primary.found() ? 1.0f : 0.0f;
-    });
-}
-
-// The channels beside the picture's own, of one sample after the other.
-class ChannelRecorder {
-public:
-    explicit ChannelRecorder(const Output &output)
-        : output_(output), colours_(1 + output.others.size()), values_(output.channels.size()) {}
-
-    // `picture` is what the picture's integrator found along the camera ray.
-    std::span<const float> record(const Scene &scene, const Sampler &sampler, PrimaryRay &primary,
-                                  Spectrum picture, Tracer &tracer) {
-        colours_[0] = picture;
-        for (std::size_t i = 0; i < output_.others.size(); ++i)
-            colours_[i + 1] = match(output_.others[i], [&](const auto &model) {
-                return model.radiance(scene, tracer, sampler, primary);
-            });
-        for (std::size_t i = 0; i < values_.size(); ++i) {
-            const Channel &channel = output_.channels[i];
-            const float value = channel.recorded == Recorded::alpha
-                                    ? alpha(scene, integrator(channel), sampler, primary, tracer)
-                                    : colour_value(channel);
-            values_[i] = channel.squared ? sqr(value) : value;
-        }
-        return values_;
-    }
-
-private:
-    const Integrator &integrator(const Channel &channel) const {
-        return channel.source == 0 ? output_.integrator
-                                   : output_.others[static_cast<std::size_t>(channel.source) - 1];
-    }
-    float colour_value(const Channel &channel) const {
-        if (channel.recorded == Recorded::one) return 1;
-        const Spectrum rgb = colours_[static_cast<std::size_t>(channel.source)];
-        const Spectrum c = channel.recorded == Recorded::xyz ? to_xyz(rgb) : rgb;
-        return channel.component == 0 ? c.x : channel.component == 1 ? c.y : c.z;
-    }
-
-    const Output &output_;
-    std::vector<Spectrum> colours_; // of every integrator
-    std::vector<float> values_;
-};
 
 // Takes the samples of one tile, pixel by pixel, and adds them to the sums.
 class TileAccumulator {

@@ -1,6 +1,6 @@
 #pragma once
-// The list of integrators, and the driver: samples of all pixels, in tiles, on many threads. The result
-// depends only on the scene, the seed and the sample range.
+// The driver: samples of all pixels, in tiles, on many threads. The result depends only on the scene, the
+// seed and the sample range.
 
 #include <atomic>
 #include <cstdint>
@@ -8,46 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "transport/ao.h"
-#include "transport/direct.h"
-#include "transport/first_hit.h"
-#include "transport/path.h"
-#include "transport/primary_ray.h"
-#include "transport/volpath.h"
+#include "transport/channels.h"
 
 namespace lajolla {
-
-using Integrator = std::variant<Path, VolPath, Direct, AmbientOcclusion, FirstHit>;
-
-// The value that a channel beside red, green and blue records for each sample.
-enum class Recorded { rgb, xyz, alpha, one };
-constexpr auto choices(Recorded) { return std::array{"rgb", "xyz", "alpha", "one"}; }
-
-struct Channel {
-    std::string label;
-    int source = 0; // an integrator of the output; 0 is the one of the picture
-    Recorded recorded = Recorded::rgb;
-    int component = 0;
-    bool squared = false; // square each sample: for second moments
-
-    static constexpr auto fields() {
-        return std::tuple(field("label", &Channel::label, "its name in a file"),
-                          field("source", &Channel::source, "0 is the picture's integrator").range(0),
-                          field("recorded", &Channel::recorded, "`one` is 1 everywhere"),
-                          field("component", &Channel::component, "of rgb or xyz").range(0, 2),
-                          field("squared", &Channel::squared, "squares each sample, for second moments"));
-    }
-};
-
-// The output of a render: the picture, whose red, green and blue are the first three channels, and other
-// channels. All channels of a sample share its camera ray and its filter weight.
-struct Output {
-    Integrator integrator;          // renders the picture
-    std::vector<Integrator> others; // for channels: source 1 and so on
-    std::vector<Channel> channels;
-
-    std::size_t channel_count() const { return 3 + channels.size(); }
-};
 
 // The samples to take.
 struct Job {

@@ -1,0 +1,69 @@
+#pragma once
+// The list of integrators, and the channels that they are recorded in.
+
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "transport/ao.h"
+#include "transport/direct.h"
+#include "transport/first_hit.h"
+#include "transport/path.h"
+#include "transport/primary_ray.h"
+#include "transport/volpath.h"
+
+namespace lajolla {
+
+using Integrator = std::variant<Path, VolPath, Direct, AmbientOcclusion, FirstHit>;
+
+// The value that a channel beside red, green and blue records for each sample.
+enum class Recorded { rgb, xyz, alpha, one };
+constexpr auto choices(Recorded) { return std::array{"rgb", "xyz", "alpha", "one"}; }
+
+struct Channel {
+    std::string label;
+    int source = 0; // an integrator of the output; 0 is the one of the picture
+    Recorded recorded = Recorded::rgb;
+    int component = 0;
+    bool squared = false; // square each sample: for second moments
+
+    static constexpr auto fields() {
+        return std::tuple(field("label", &Channel::label, "its name in a file"),
+                          field("source", &Channel::source, "0 is the picture's integrator").range(0),
+                          field("recorded", &Channel::recorded, "`one` is 1 everywhere"),
+                          field("component", &Channel::component, "of rgb or xyz").range(0, 2),
+                          field("squared", &Channel::squared, "squares each sample, for second moments"));
+    }
+};
+
+// The output of a render: the picture, whose red, green and blue are the first three channels, and other
+// channels. All channels of a sample share its camera ray and its filter weight.
+struct Output {
+    Integrator integrator;          // renders the picture
+    std::vector<Integrator> others; // for channels: source 1 and so on
+    std::vector<Channel> channels;
+
+    std::size_t channel_count() const { return 3 + channels.size(); }
+};
+
+// Computes the channels beside red, green and blue of one sample after the other.
+class ChannelRecorder {
+public:
+    explicit ChannelRecorder(const Output &output)
+        : output_(output), colours_(1 + output.others.size()), values_(output.channels.size()) {}
+
+    // `picture` is the radiance that the picture's integrator has found along the camera ray.
+    std::span<const float> record(const Scene &scene, const Sampler &sampler, PrimaryRay &primary,
+                                  const Spectrum &picture, Tracer &tracer);
+
+private:
+    const Integrator &integrator(const Channel &channel) const;
+    float colour_value(const Channel &channel) const;
+
+    const Output &output_;
+    std::vector<Spectrum> colours_; // of every integrator
+    std::vector<float> values_;
+};
+
+} // namespace lajolla
