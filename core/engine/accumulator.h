@@ -18,26 +18,33 @@ namespace lajolla {
 struct RenderableScene;
 struct Progress;
 struct Tile;
+struct Film;
 
 // The numbers of samples that the pixels of a tile's halves have.
 using HalfCounts = std::array<std::uint32_t, 2>;
+using NonfiniteList = std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>>; // x, y, sample
+
+// Some of the picture's rows of tiles.
+struct TileRows {
+    std::size_t first, end;
+};
 
 // The samples so far.
 struct RenderState {
     Sums sums;                      // the channels of a pixel side by side, row by row
     std::vector<HalfCounts> counts; // of the tiles, row by row
     std::uint64_t rays = 0;
-    std::uint64_t nonfinite = 0; // they count as black
-    std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>>
-        nonfinite_list; // x, y, sample: the first
+    std::uint64_t nonfinite = 0;  // they count as black
+    NonfiniteList nonfinite_list; // the first
 };
 
 class Accumulator {
 public:
     // The scene must outlive this. Default of the seed: that of the scene. Each pixel takes its samples in
-    // order, the first one of which is `first_sample`.
+    // order, the first one of which is `first_sample`. Of the picture, only some `rows` of tiles may be
+    // rendered: all else here is then about them. Throws std::invalid_argument for rows that there are not.
     explicit Accumulator(const RenderableScene &scene, std::optional<std::uint32_t> seed = std::nullopt,
-                         std::uint32_t first_sample = 0);
+                         std::uint32_t first_sample = 0, std::optional<TileRows> rows = std::nullopt);
     ~Accumulator();
 
     // Adds samples until every pixel has at least this many: one number, or those of all tiles' halves.
@@ -57,6 +64,9 @@ public:
     std::uint32_t samples() const;                   // that every pixel has, at least
     RenderState state() const;
     void restore(RenderState state); // throws std::invalid_argument if it is not of this scene
+    // Adds samples of some rows of tiles, which come after those that these have. Throws
+    // std::invalid_argument if they do not fit.
+    void add(const RenderState &part, std::size_t first_tile_row);
 
     template <class T>
     T get(T RenderState::*member) const {
@@ -65,13 +75,16 @@ public:
     }
 
 private:
+    const Film &film() const;
     std::vector<std::uint32_t> counts_of_pixels() const; // needs the lock
     void add_tile(std::size_t index, const Tile &tile, const Sums &sums, const HalfCounts &counts);
+    void add_report(std::uint64_t rays, std::uint64_t nonfinite, const NonfiniteList &list); // needs the lock
 
     const RenderableScene &scene_;
     std::unique_ptr<Progress> progress_;
     std::atomic<std::uint64_t> samples_to_take_{1}; // in the running advance()
     std::uint32_t seed_, first_sample_;
+    TileRows rows_;
     std::mutex advancing_;
     mutable std::mutex results_; // of the state
     RenderState state_;

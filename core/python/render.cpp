@@ -4,6 +4,7 @@
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
@@ -128,9 +129,18 @@ void bind_render(nb::module_ &m) {
              "Means: float32 (rows, width, channels), of sums of counts (rows, width) samples.");
 
     nb::class_<Accumulator>(m, "Render", "The running mean of a scene's samples.")
-        .def(nb::init<const RenderableScene &, std::optional<std::uint32_t>, std::uint32_t>(), "scene"_a,
-             "seed"_a = nb::none(), "first_sample"_a = 0, nb::keep_alive<1, 2>(),
-             "Each pixel takes its samples in order, beginning with `first_sample`.")
+        .def(
+            "__init__",
+            [](Accumulator *self, const RenderableScene &scene, std::optional<std::uint32_t> seed,
+               std::uint32_t first_sample, std::optional<std::pair<std::size_t, std::size_t>> tile_rows) {
+                std::optional<TileRows> rows;
+                if (tile_rows) rows = TileRows{tile_rows->first, tile_rows->second};
+                new (self) Accumulator(scene, seed, first_sample, rows);
+            },
+            "scene"_a, "seed"_a = nb::none(), "first_sample"_a = 0, "tile_rows"_a = nb::none(),
+            nb::keep_alive<1, 2>(),
+            "Each pixel takes its samples in order, beginning with `first_sample`. With tile_rows = (first, "
+            "end), this is a render of these rows of tiles, and its arrays have only their pixels.")
         .def("advance", nb::overload_cast<std::uint32_t, int, bool>(&Accumulator::advance), "samples"_a,
              "threads"_a = 0, "one_lane"_a = false, nb::call_guard<nb::gil_scoped_release>(),
              "Adds samples until every pixel has at least `samples`. threads = 0 uses them all; one_lane "
@@ -161,12 +171,22 @@ void bind_render(nb::module_ &m) {
         .def(
             "restore",
             [](Accumulator &self, const PixelSums &sums, const Array<std::uint32_t> &counts,
-               std::uint64_t rays, std::uint64_t nonfinite,
-               std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> nonfinite_list) {
+               std::uint64_t rays, std::uint64_t nonfinite, NonfiniteList nonfinite_list) {
                 self.restore({sums.sums, half_counts(counts), rays, nonfinite, std::move(nonfinite_list)});
             },
             "sums"_a, "counts"_a, "rays"_a, "nonfinite"_a, "nonfinite_list"_a,
             "Replaces all samples by those of another render of this scene.")
+        .def(
+            "add",
+            [](Accumulator &self, std::size_t first_tile_row, const PixelSums &sums,
+               const Array<std::uint32_t> &counts, std::uint64_t rays, std::uint64_t nonfinite,
+               NonfiniteList nonfinite_list) {
+                self.add({sums.sums, half_counts(counts), rays, nonfinite, std::move(nonfinite_list)},
+                         first_tile_row);
+            },
+            "first_tile_row"_a, "sums"_a, "counts"_a, "rays"_a, "nonfinite"_a, "nonfinite_list"_a,
+            "Adds samples of some rows of tiles, by another render of this scene: `counts` for each half of "
+            "a tile, which come after those that it has.")
         .def_prop_ro("samples", &Accumulator::samples, "Samples that every pixel has, at least.")
         .def_prop_ro(
             "rays", [](const Accumulator &self) { return self.get(&RenderState::rays); },
