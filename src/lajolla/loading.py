@@ -31,9 +31,9 @@ class Scene:
 
     def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
         start = time.perf_counter()
-        core = apply_options(description.core, options)
+        self.description = apply_options(description.core, options)  # what `core` is built from
         try:
-            self.core = _core.Scene(core)
+            self.core = _core.Scene(self.description)
         except Exception as problem:
             raise description.refusal(problem) from None
         self.film = description.film
@@ -90,7 +90,13 @@ class Scene:
         seed = self.core.seed if seed is None else seed
         threads = available_threads() if threads is None else threads
         return Rendering(
-            self.core, rules=rules, seed=seed, threads=threads, film=self.film, first_sample=first_sample
+            self.core,
+            self.description,
+            rules=rules,
+            seed=seed,
+            threads=threads,
+            film=self.film,
+            first_sample=first_sample,
         )
 
     @names_checked
