@@ -4,10 +4,10 @@
     python bench/adaptive.py SCENE.xml ... [--spp N] [--runs N] [--size WxH] [--reference N]
 
 Renders each scene several times with and without adaptive sampling, with different seeds and the same mean
-number of samples per pixel. The error is that of src/lajolla/adaptive.py, squared, against a reference. `gain`
-is the ratio of error times processor time, without over with: how much sooner the same error is reached, if it
-falls like 1 / samples; `per sample` is the ratio of errors alone. `bias` is the difference of the means of the
-pictures in per cent, and `p` that of Welch's t-test.
+number of samples per pixel. The error is that of src/lajolla/adaptive.py, squared, against a reference.
+`gain` is the ratio of error times processor time, without over with: how much sooner the same error is
+reached, if it falls like 1 / samples; `per sample` is the ratio of errors alone. `bias` is the difference of
+the means of the pictures in per cent, and `p` that of Welch's t-test.
 """
 
 import argparse

@@ -144,9 +144,8 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
 def prints_results(arguments: argparse.Namespace) -> bool:
     """Whether a result of a command goes to standard output."""
     if arguments.command in ("render", "merge"):
-        named = [*(arguments.outputs or []), vars(arguments).get("stats")]
-        pixel = vars(arguments).get("pixel")
-        return pixel is not None or any(is_standard_output(path) for path in named)
+        named = [*(arguments.outputs or []), arguments.stats]
+        return arguments.pixel is not None or any(is_standard_output(path) for path in named)
     return arguments.command != "convert" or is_standard_output(arguments.target)
 
 
@@ -359,6 +358,7 @@ def _add_merge(parser: Parser) -> None:
     )
     _add_pictures(parser.add_argument_group("output"))
     parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="also write the sum as a checkpoint")
+    parser.set_defaults(stats=None, pixel=None, resume=None)
 
 
 def _add_compare(parser: Parser) -> None:

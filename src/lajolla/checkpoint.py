@@ -104,7 +104,8 @@ def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Che
     estimate, rounds = rendering.estimate, {}
     if rendering.rules.in_rounds:
         rounds = {
-            "errors": estimate.errors,
+            "changes": estimate.changes,
+            "changes_before": estimate.changes_before,
             "measured_counts": estimate.counts,
             "measured_picture": estimate.picture,
         }
@@ -166,8 +167,9 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
     counts = _shaped(arrays.pop("counts"), np.uint32, halves.shape)
     if sums.digits.shape[:3] != (height, width, 3 + len(facts["channels"])):
         raise ValueError("another size")
-    shapes = {"errors": (np.float64, halves.shape), "measured_counts": (np.uint32, halves.shape)}
-    shapes |= {"measured_picture": (np.float32, (height, width, 3)), "round": (np.uint32, halves.shape)}
+    shapes = {"changes": (np.float64, halves.shape), "changes_before": (np.float64, halves.shape)}
+    shapes |= {"measured_counts": (np.uint32, halves.shape), "round": (np.uint32, halves.shape)}
+    shapes |= {"measured_picture": (np.float32, (height, width, 3))}
     return Checkpoint(
         identity=dict(facts["identity"]),
         width=width,
@@ -214,8 +216,9 @@ def resume(rendering: Rendering, path: Path) -> None:
         raise CheckpointError(f"{path}: has samples {kept}, and this render takes {wanted}")
     rendering.accumulator.restore(saved.sums, saved.counts, saved.rays, saved.nonfinite, saved.nonfinite_list)
     rendering.seconds = saved.seconds
-    if rendering.rules.in_rounds and "errors" in saved.rounds:
-        rendering.estimate.errors = saved.rounds["errors"]
+    if rendering.rules.in_rounds and "changes" in saved.rounds:
+        rendering.estimate.changes = saved.rounds["changes"]
+        rendering.estimate.changes_before = saved.rounds["changes_before"]
         rendering.estimate.counts = saved.rounds["measured_counts"]
         rendering.estimate.picture = saved.rounds["measured_picture"]
         rendering.round = saved.rounds.get("round")
