@@ -4,6 +4,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from lajolla.options import Options, apply_options
 from lajolla.render import Progress, Rendering, StopRules, available_threads
 from lajolla.scene import (
     Description,
+    Places,
     SceneFile,
     SceneWarning,
     UnknownParameter,
@@ -36,11 +38,17 @@ class Scene:
             self.core = _core.Scene(self.description)
         except Exception as problem:
             raise description.refusal(problem) from None
+        # To build it again elsewhere, which needs no places of errors.
+        self.description = replace(description, core=core, places=Places())
         self.film = description.film
         self.sensors = description.sensors  # ids of all sensors, or their numbers
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A pickle holds the description with its options; the scene is built when the pickle is loaded."""
+        return Scene, (self.description, Options(), self.load_seconds)
 
     def __repr__(self) -> str:
         samples = self.core.sample_count
