@@ -43,9 +43,14 @@ def identity(rendering: Rendering) -> dict[str, Any]:
     import lajolla
 
     scene = rendering.description
-    sampler = {"type": scene["sampler"]["type"], "seed": rendering.seed}
+    height, width = rendering.halves.of_pixels.shape
+    film = {name: value for name, value in scene["film"].items() if not name.startswith("crop_")}
+    own = {
+        "film": {**film, "window": [*rendering.halves.offset, width, height]},
+        "sampler": {"type": scene["sampler"]["type"], "seed": rendering.seed},
+    }
     return {
-        **sections({**scene, "sampler": sampler}),
+        **sections({**scene, **own}),
         "version": lajolla.__version__,
         "instruction set": f"{_core.isa} on {processor.level()}",  # Embree chooses its own by the processor
     }
@@ -163,10 +168,15 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
     width, height = (_whole(facts[name], 1, LARGEST) for name in ("width", "height"))
     offset = tuple(_whole(number, 0, LARGEST) for number in facts["offset"])
     halves = Halves(width, height, (offset[0], offset[1]))
-    sums = _core.Sums(arrays.pop("digits"), arrays.pop("places"))
+    values = (height, width, 3 + len(facts["channels"]))
+    digits = _shaped(arrays.pop("digits"), np.int64, (*values, 2))
+    sums = _core.Sums(digits, _shaped(arrays.pop("places"), np.int8, values))
     counts = _shaped(arrays.pop("counts"), np.uint32, halves.shape)
-    if sums.digits.shape[:3] != (height, width, 3 + len(facts["channels"])):
-        raise ValueError("another size")
+    ranges = [
+        (_whole(first, 0, MOST_SAMPLES), _whole(end, 0, MOST_SAMPLES)) for first, end in facts["ranges"]
+    ]
+    if not ranges:
+        raise ValueError("no samples")
     shapes = {"changes": (np.float64, halves.shape), "changes_before": (np.float64, halves.shape)}
     shapes |= {"measured_counts": (np.uint32, halves.shape), "round": (np.uint32, halves.shape)}
     shapes |= {"measured_picture": (np.float32, (height, width, 3))}
@@ -177,9 +187,7 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
         offset=(offset[0], offset[1]),
         channels=[str(label) for label in facts["channels"]],
         film=Film(**facts["film"]),
-        ranges=[
-            (_whole(first, 0, MOST_SAMPLES), _whole(end, 0, MOST_SAMPLES)) for first, end in facts["ranges"]
-        ],
+        ranges=ranges,
         seconds=float(facts["seconds"]),
         rays=_whole(facts["rays"], 0, 2**63),
         nonfinite=_whole(facts["nonfinite"], 0, 2**63),

@@ -33,9 +33,9 @@ class Scene:
 
     def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
         start = time.perf_counter()
-        self.description = apply_options(description.core, options)  # what `core` is built from
+        core = apply_options(description.core, options)
         try:
-            self.core = _core.Scene(self.description)
+            self.core = _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
         # To build it again elsewhere, which needs no places of errors.
@@ -99,7 +99,7 @@ class Scene:
         threads = available_threads() if threads is None else threads
         return Rendering(
             self.core,
-            self.description,
+            self.description.core,
             rules=rules,
             seed=seed,
             threads=threads,
