@@ -1,7 +1,6 @@
 #pragma once
 // A progressive render: adds samples to running sums, from which a picture can be computed at any time.
 
-#include <array>
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -11,61 +10,55 @@
 #include <tuple>
 #include <vector>
 
-#include "base/sums.h"
+#include "transport/render.h"
 
 namespace lajolla {
 
 struct RenderableScene;
-struct Progress;
-struct Tile;
-struct Film;
 
-// The numbers of samples that the pixels of a tile's halves have.
-using HalfCounts = std::array<std::uint32_t, 2>;
-using NonfiniteList = std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>>; // x, y, sample
+using Counts = PerHalf<std::uint32_t>; // samples of each pixel
 
-// Some of the picture's rows of tiles.
+// Some rows of the picture's tiles.
 struct TileRows {
     std::size_t first, end;
 };
 
 // The samples so far.
 struct RenderState {
-    Sums sums;                      // the channels of a pixel side by side, row by row
-    std::vector<HalfCounts> counts; // of the tiles, row by row
+    Sums sums; // the channels of a pixel side by side, row by row
+    Counts counts;
     std::uint64_t rays = 0;
-    std::uint64_t nonfinite = 0;  // they count as black
-    NonfiniteList nonfinite_list; // the first
+    std::uint64_t nonfinite = 0;            // they count as black
+    std::vector<SampleId> nonfinite_list{}; // the first of them
 };
 
 class Accumulator {
 public:
     // The scene must outlive this. Default of the seed: that of the scene. Each pixel takes its samples in
-    // order, the first one of which is `first_sample`. Of the picture, only some `rows` of tiles may be
-    // rendered: all else here is then about them. Throws std::invalid_argument for rows that there are not.
+    // order, the first one of which is `first_sample`. With `rows`, this is a render of a part of the
+    // picture. Throws std::invalid_argument for rows that there are not.
     explicit Accumulator(const RenderableScene &scene, std::optional<std::uint32_t> seed = std::nullopt,
                          std::uint32_t first_sample = 0, std::optional<TileRows> rows = std::nullopt);
-    ~Accumulator();
 
-    // Adds samples until every pixel has at least this many: one number, or those of all tiles' halves.
+    // Adds samples until every pixel has at least this many: one number, or one for each half of all cells.
     // threads = 0 uses them all; one_lane follows one path after the other, for the same bits. Returns false
     // if cancel() was called meanwhile: tiles that were not finished are then as before. All functions may be
     // called from several threads.
     bool advance(std::uint32_t samples, int threads = 0, bool one_lane = false);
-    bool advance(std::span<const HalfCounts> samples, int threads = 0, bool one_lane = false);
+    bool advance(std::span<const std::uint32_t> samples, int threads = 0, bool one_lane = false);
     void cancel();
     double progress() const; // finished fraction of the running advance()
 
     std::size_t width() const, height() const, channels() const;
-    std::size_t tile_columns() const, tile_rows() const;
 
     std::vector<float> image() const; // means, row by row, the channels of a pixel side by side
     std::vector<std::uint32_t> pixel_counts() const; // samples, row by row
     std::uint32_t samples() const;                   // that every pixel has, at least
     RenderState state() const;
     void restore(RenderState state); // throws std::invalid_argument if it is not of this scene
-    // Adds samples of some rows of tiles, which come after those that these have. Throws
-    // std::invalid_argument if they do not fit.
+    // Adds the state of a render of some rows of tiles from `first_tile_row` on, whose samples follow those
+    // that there are. Its counts are numbers of additional samples. Throws std::invalid_argument if it does
+    // not fit.
     void add(const RenderState &part, std::size_t first_tile_row);
 
     template <class T>
@@ -75,16 +68,16 @@ public:
     }
 
 private:
-    const Film &film() const;
     std::vector<std::uint32_t> counts_of_pixels() const; // needs the lock
-    void add_tile(std::size_t index, const Tile &tile, const Sums &sums, const HalfCounts &counts);
-    void add_report(std::uint64_t rays, std::uint64_t nonfinite, const NonfiniteList &list); // needs the lock
+    void add_tile(Tile tile, const Sums &sums, const Counts &counts);
+    void add_report(std::uint64_t rays, std::uint64_t nonfinite, std::span<const SampleId> nonfinite_samples);
 
     const RenderableScene &scene_;
-    std::unique_ptr<Progress> progress_;
+    Film window_;       // of which the rows of tiles are all
+    std::uint32_t top_; // the first of its rows of pixels, within the scene's window
+    Progress progress_;
     std::atomic<std::uint64_t> samples_to_take_{1}; // in the running advance()
     std::uint32_t seed_, first_sample_;
-    TileRows rows_;
     std::mutex advancing_;
     mutable std::mutex results_; // of the state
     RenderState state_;

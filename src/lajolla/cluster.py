@@ -23,18 +23,18 @@ from collections.abc import Callable, Coroutine, Iterator, Mapping
 from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from lajolla import _core, units
-from lajolla.adaptive import TILE_SIZE, Counts
+import lajolla
+from lajolla import _core, processor, units
+from lajolla.adaptive import Counts
 from lajolla.limits import OptionError
 from lajolla.messages import ClusterError, ClusterWarning, names_checked, warn
 from lajolla.render import Progress, Rendering, available_threads
-from lajolla.units import Plan, Result, Unit
+from lajolla.units import TILE_SIZE, Plan, Result, Unit
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -66,10 +66,10 @@ class SceneMissing(Exception):
 
 def build() -> tuple[str, str]:
     """What the bits of a picture depend on, beside the scene: version and instruction set."""
-    try:
-        return version("lajolla"), _core.isa
-    except PackageNotFoundError:  # not installed, but found in a folder
-        return "", _core.isa
+    return (
+        lajolla.__version__,
+        f"{_core.isa} on {processor.level()}",
+    )  # Embree chooses its own by the processor
 
 
 def join(scene: str, description: bytes) -> tuple[str, str]:
@@ -104,8 +104,8 @@ class ClusterRendering(Rendering):
     def __init__(
         self,
         core: _core.Scene,
-        *,
         description: Mapping[str, Any],
+        *,
         cluster: str | Client,
         mixed: bool,
         threads: int | None,
@@ -113,8 +113,7 @@ class ClusterRendering(Rendering):
     ) -> None:
         if isinstance(cluster, str):
             worker_count(cluster)
-        super().__init__(core, threads=threads or 0, **settings)
-        self.description = description
+        super().__init__(core, description, threads=threads or 0, **settings)
         self.cluster = cluster
         self.mixed = mixed
         self.threads_of_each = threads

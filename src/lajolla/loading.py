@@ -108,7 +108,7 @@ class Scene:
 
             return ClusterRendering(
                 self.core,
-                description=self.description.core,
+                self.description.core,
                 cluster=cluster,
                 mixed=mixed,
                 rules=rules,
@@ -119,7 +119,13 @@ class Scene:
             )
         threads = available_threads() if threads is None else threads
         return Rendering(
-            self.core, rules=rules, seed=seed, threads=threads, film=self.film, first_sample=first_sample
+            self.core,
+            self.description.core,
+            rules=rules,
+            seed=seed,
+            threads=threads,
+            film=self.film,
+            first_sample=first_sample,
         )
 
     @names_checked

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lajolla import _core
-from lajolla.adaptive import Counts, Halves
+from lajolla.adaptive import CELL_SIZE, Counts, Halves
 
+TILE_SIZE = 16  # as in the core
 SHORTEST_SECONDS = 0.1  # of units near the end, so that all workers end together
 
 
@@ -23,7 +24,7 @@ class Unit:
 
     row: int
     number: int  # in the row
-    before: Counts  # of each half of a tile, (1, tile columns, 2)
+    before: Counts  # of each half of a cell, (cell rows, cell columns, 2)
     after: Counts
     samples: float  # of all its pixels together
 
@@ -86,7 +87,7 @@ class Row:
 
     def __init__(self, index: int, pixels: NDArray[np.float64], before: Counts, target: Counts) -> None:
         self.index = index
-        self.pixels = pixels  # of each half, (1, tile columns, 2)
+        self.pixels = pixels  # of each half, (cell rows, cell columns, 2)
         self.given = before  # samples up to which units were made
         self.target = np.maximum(target, before)
         self.made = 0  # units
@@ -148,8 +149,10 @@ class Plan:
     """
 
     def __init__(self, halves: Halves, before: Counts, target: Counts) -> None:
+        cells = TILE_SIZE // CELL_SIZE
         self.rows = [
-            Row(i, halves.pixels[i : i + 1], before[i : i + 1], target[i : i + 1]) for i in range(len(before))
+            Row(first // cells, *(array[first : first + cells] for array in (halves.pixels, before, target)))
+            for first in range(0, len(before), cells)
         ]
         self.left = sum(row.left for row in self.rows)  # samples
         self.waiting = [(row.fraction, row.index) for row in self.rows if row.left > 0]
