@@ -443,7 +443,7 @@ def _workers_here(count: int, threads: int) -> Iterator[Client]:
             n_workers=count,
             threads_per_worker=threads,
             memory_limit=None,
-            dashboard_address=None,
+            dashboard_address=":0",  # any free port
             silence_logs=logging.CRITICAL,
         )
     finally:
