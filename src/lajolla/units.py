@@ -199,7 +199,7 @@ class Plan:
             average = self.thread_seconds / self.rendered
             end = min(self.left * average / all_threads, seconds_left)
             seconds = min(max(end / 3, SHORTEST_SECONDS), longest)
-            samples = min(seconds * threads / self.cost(row.index), max(samples, row.samples(row.given)))
+            samples = min(seconds * threads / self.cost(row.index), max(samples, 3 * row.samples(row.given)))
         unit = row.take(samples)
         self.left -= unit.samples
         self.open.add((unit.row, unit.number))
