@@ -1,16 +1,21 @@
 """Whether one client and one scheduler keep up with many workers, which sleep instead of rendering.
 
-    python bench/cluster_simulation.py --workers 1000 --seconds 60
+    python bench/cluster_simulation.py --workers 100 --seconds 40
+    python bench/cluster_simulation.py --workers 1000 --seconds 60 --virtual
 
 The driver, the scheduler, all messages and the sums are real. Many workers share a process, and return
 invented sums of the right size when a unit would be done. All run on this machine and compete for its
 processors with the client and the scheduler; on a real cluster, each of these has one to itself.
+
+With --virtual there are no processes and no messages: only the units are real, and times are computed. This
+shows how well the work is divided.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import heapq
 import os
 import subprocess
 import sys
@@ -24,7 +29,7 @@ import numpy as np
 
 import lajolla
 from lajolla import cluster, units
-from lajolla.adaptive import CELL_SIZE
+from lajolla.adaptive import CELL_SIZE, Halves
 
 SCENE = {
     "type": "scene",
@@ -42,6 +47,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seconds", type=float, default=60, help="of rendering")
     parser.add_argument("--rate", type=float, default=1e6, help="samples per second of a worker")
     parser.add_argument("--size", default="1920x1080")
+    parser.add_argument("--spp", type=int, default=2**20, help="of the picture, with --virtual")
+    parser.add_argument("--virtual", action="store_true", help="compute the times")
     parser.add_argument("--act-as-workers", metavar="ADDRESS", help=argparse.SUPPRESS)
     return parser.parse_args()
 
@@ -123,8 +130,43 @@ def simulate(options: argparse.Namespace, address: str, scheduler: int) -> None:
     print(f"processor of scheduler {processor(schedulers)}")
 
 
+def compute(options: argparse.Namespace) -> None:
+    """The same with a queue of events: when a worker is done with a unit, it gets another one."""
+    width, height = map(int, options.size.split("x"))
+    halves = Halves(width, height, (0, 0))
+    plan = units.Plan(
+        halves, np.zeros(halves.shape, np.uint32), np.full(halves.shape, options.spp, np.uint32)
+    )
+    row_bytes = 17 * units.TILE_SIZE * width * 3
+    longest = max(cluster.UNIT_SECONDS, options.workers * row_bytes / cluster.BYTES_PER_SECOND)
+    free_at = [0.0] * options.workers
+    events: list[tuple[float, int, units.Unit | None]] = [(0.0, i, None) for i in range(options.workers)] * 2
+    heapq.heapify(events)
+    nothing = np.zeros((0, 1, 1, 2), np.int64), np.zeros((0, 1, 1), np.int8)
+    started = time.process_time()
+    done, busy, now = 0, 0.0, 0.0
+    while events:
+        now, worker, unit = heapq.heappop(events)
+        if unit is not None:
+            plan.put(unit, units.Result(*nothing, 0, 0, [], unit.samples / options.rate))
+            done, busy = done + 1, busy + unit.samples / options.rate
+        if now < options.seconds:
+            unit = plan.next_unit(1, options.workers, longest, options.seconds - now)
+            if unit is not None:
+                free_at[worker] = max(now, free_at[worker]) + unit.samples / options.rate
+                heapq.heappush(events, (free_at[worker], worker, unit))
+    own = time.process_time() - started
+    print(f"workers   {options.workers}, busy for {100 * busy / (options.workers * now):.1f} % of the time")
+    print(f"time      {now:.1f} s")
+    print(f"units     {done}, {done / now:.0f} per second; {1000 * own / done:.2f} ms to decide about one")
+    print(f"results   {done * row_bytes / 1e6:.0f} MB, {done * row_bytes / 1e6 / now:.0f} MB per second")
+
+
 def main() -> None:
     options = arguments()
+    if options.virtual:
+        compute(options)
+        return
     with dask.config.set(cluster.QUIET):
         if options.act_as_workers:
             width = int(options.size.split("x")[0])

@@ -44,7 +44,7 @@ T = TypeVar("T")
 
 UNIT_SECONDS = 1.5  # of a unit: long beside the milliseconds of its messages, and no great loss
 BYTES_PER_SECOND = 100e6  # of results that a client takes
-MOST_BYTES = 2**30  # of results that are on their way
+MOST_BYTES = 2**32  # of results that are on their way
 UNITS_AHEAD = (2, 16)  # of each worker, so that none waits for the client: at least, and most of short units
 SECONDS_AHEAD = 0.5  # of short units together
 MOST_SCENES = 2  # that a worker keeps
