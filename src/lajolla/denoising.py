@@ -41,7 +41,9 @@ def features_output(integrator: Mapping[str, Any]) -> dict[str, Any]:
         integrator: of the picture, as in a description. Raises OptionError where it shows no light.
     """
     if integrator["type"] in ("field", "features"):
-        raise OptionError(f"the integrator {integrator['type']!r} shows no light, so there is no noise to remove")
+        raise OptionError(
+            f"the integrator {integrator['type']!r} shows no light, so there is no noise to remove"
+        )
     hidden = {"hide_emitters": integrator.get("hide_emitters", False)}
     shared = {"type": "features", "media": integrator["type"] == "volpath", **hidden}
     return {
@@ -54,18 +56,28 @@ def features_output(integrator: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def denoised(
-    colour: FloatImage, layers: Mapping[str, FloatImage], *, threads: int = 0
+    colour: FloatImage, layers: Mapping[str, FloatImage], *, threads: int | None = None
 ) -> FloatImage:
     """A picture (height, width, 3) without noise; values below 0, and those that are not finite, become 0.
 
     Args:
         colour: linear RGB.
         layers: channels by name; albedo, and normals beside it, are used if all of LAYERS are there.
-        threads: how many to use, with the same result; 0 for all.
+        threads: how many to use, with the same result; default: all.
 
     Raises:
         DenoiseError: Open Image Denoise is not there, or failed.
     """
+    try:
+        return _denoised(colour, layers, threads)
+    except DenoiseError:
+        raise
+    except Exception as problem:  # whatever it is: nobody should lose a picture by it
+        reason = "not enough memory" if isinstance(problem, MemoryError) else str(problem)
+        raise DenoiseError(f"Open Image Denoise failed: {reason or type(problem).__name__}") from problem
+
+
+def _denoised(colour: FloatImage, layers: Mapping[str, FloatImage], threads: int | None) -> FloatImage:
     features = {}
     for name, channels in LAYERS.items():  # the network knows no normals without albedo
         if not all(channel in layers for channel in channels):
@@ -75,7 +87,8 @@ def denoised(
     height, width = colour.shape[:2]
     with _device(threads) as device:
         clean = {
-            name: _filtered(device, {name: _prepared(values, *limits[name])}) for name, values in features.items()
+            name: _filtered(device, {name: _prepared(values, *limits[name])})
+            for name, values in features.items()
         }
         radiance = _prepared(colour, 0.0, np.finfo(np.float32).max)
         scale = _power_of_two_near_mean(radiance)
@@ -116,7 +129,7 @@ def _filtered(device: Any, images: Mapping[str, FloatImage], **settings: bool) -
 
 
 @contextmanager
-def _device(threads: int) -> Iterator[Any]:
+def _device(threads: int | None) -> Iterator[Any]:
     """Open Image Denoise on the processor. Raises DenoiseError."""
     try:
         import pyoidn
@@ -128,7 +141,7 @@ def _device(threads: int) -> Iterator[Any]:
     except OSError as problem:  # its library cannot be loaded
         raise DenoiseError(f"Open Image Denoise cannot be loaded: {problem}") from None
     with device:
-        device.set_int("numThreads", threads)
+        device.set_int("numThreads", threads or 0)
         device.set_bool("setAffinity", False)  # threads stay where the process may run
         device.commit()
         _check(device)

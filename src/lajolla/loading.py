@@ -10,10 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lajolla import _core
+from lajolla.colour import FloatImage
+from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
 from lajolla.image import Image
 from lajolla.limits import OptionError, check
 from lajolla.messages import names_checked, suggestion, warn
 from lajolla.options import Options, apply_options
+from lajolla.picture_files import ImageWarning
 from lajolla.render import Progress, Rendering, available_threads
 from lajolla.scene import (
     Description,
@@ -35,6 +38,7 @@ class Scene:
             self.core = _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
+        self.integrator: Mapping[str, Any] = core["integrator"]  # of the picture
         self.film = description.film
         self.sensors = description.sensors  # ids of all sensors, or their numbers
         self.warnings: list[SceneWarning] = list(description.warnings)
@@ -60,12 +64,17 @@ class Scene:
         self, *, spp: int | None = None, seed: int | None = None, threads: int | None = None
     ) -> Rendering:
         """A Rendering to run step by step; see `render`."""
+        return self._rendering(self.core, spp=spp, seed=seed, threads=threads)
+
+    def _rendering(
+        self, core: _core.Scene, *, spp: int | None, seed: int | None, threads: int | None
+    ) -> Rendering:
         for name, value in (("spp", spp), ("seed", seed), ("threads", threads)):
             check(name, value)
         spp = self.core.sample_count if spp is None else spp
         seed = self.core.seed if seed is None else seed
         threads = available_threads() if threads is None else threads
-        return Rendering(self.core, spp=spp, seed=seed, threads=threads, film=self.film)
+        return Rendering(core, spp=spp, seed=seed, threads=threads, film=self.film)
 
     @names_checked
     def render(
@@ -75,6 +84,7 @@ class Scene:
         seed: int | None = None,
         threads: int | None = None,
         observe: Callable[[Progress], None] = lambda progress: None,
+        denoise: bool = False,
     ) -> Image:
         """Renders the picture; the same scene, spp and seed give the same picture, bit for bit.
 
@@ -85,10 +95,41 @@ class Scene:
             seed: seed of the sampler; default: the scene's own seed.
             threads: number of threads; default: as many as this process may use.
             observe: called with the progress about ten times a second.
+            denoise: removes noise with the help of `features`; see `Image.denoise`. If that fails, the
+                picture is returned as rendered, with an ImageWarning.
         """
         rendering = self.rendering(spp=spp, seed=seed, threads=threads)
+        features = self.features(seed=seed, threads=threads) if denoise else None
         rendering.run(observe)
-        return rendering.image()
+        image = rendering.image()
+        if features is None:
+            return image
+        try:
+            return image.denoise(features, threads=threads)
+        except DenoiseError as problem:
+            warn(ImageWarning(f"{problem}; the picture is as rendered"))
+            return image
+
+    @names_checked
+    def features(
+        self,
+        *,
+        seed: int | None = None,
+        threads: int | None = None,
+        observe: Callable[[Progress], None] = lambda progress: None,
+    ) -> dict[str, FloatImage]:
+        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.Z", by their names.
+
+        They show the first surface that is neither a mirror nor glass, with little noise; see
+        docs/denoising.md. Raises OptionError if the integrator shows no light, DenoiseError if Open Image
+        Denoise is not installed.
+        """
+        core = self.core.with_output(features_output(self.integrator))
+        check_available()
+        rendering = self._rendering(core, spp=FEATURE_SAMPLES, seed=seed, threads=threads)
+        rendering.run(observe)
+        image = rendering.image()
+        return {**dict(zip(LAYERS["albedo"], np.moveaxis(image.array, 2, 0), strict=True)), **image.channels}
 
     @names_checked
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
