@@ -1,10 +1,11 @@
 #pragma once
 // What a denoiser should know of a picture: albedo and normal at the first vertex that is not specular.
 //
-// The albedo of a point is the light that it scatters towards the camera where light of radiance 1 arrives
-// from everywhere: the mean of a BSDF sample's weight. Camera rays are followed through mirrors, glass, masks
-// and media as paths are, so that the pixel shows the albedo behind these, times their colours (Áfra 2024,
-// "Intel Open Image Denoise", section "RT" of its documentation, recommends both).
+// The albedo is the material's diffuse colour, if it has one. Of other points it is the light that they
+// scatter towards the camera where light of radiance 1 arrives from everywhere, the mean of the weight of
+// BSDF samples. Camera rays are followed through mirrors, glass, masks and media as paths are, so that a
+// pixel shows the albedo behind them, times their colours. The documentation of Open Image Denoise recommends
+// all of this.
 
 #include "transport/path.h"
 
@@ -43,12 +44,12 @@ private:
     template <class Medium>
     Spectrum trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const;
 
-    // Whether a path is to be followed from a surface, where it is continued, or ends there.
+    // Scatters a path at a surface. Returns whether it is to be followed from there.
     template <class Medium>
     static bool follows(const Scene &scene, const Sampler &sampler, const Hit<float> &hit,
                         Path::Walk<Medium> &walk);
 
-    // The feature of a path that ends where `normal` is, and has been scattered there.
+    // The feature of a path that ends at a point with this normal, where it has been scattered.
     template <class Medium>
     Spectrum value(const Path::Walk<Medium> &walk, const Vec3f &normal) const {
         if (feature == Feature::normal) return Spectrum(normal);
@@ -64,6 +65,11 @@ bool Features::follows(const Scene &scene, const Sampler &sampler, const Hit<flo
                        Path::Walk<Medium> &walk) {
     PathState<float> &path = walk.path;
     const AnySurface surface = scene.surface(hit, -path.ray.direction, path.u_event);
+    if (!surface.black && !surface.delta)
+        if (const auto colour = scene.diffuse_colour(hit, -path.ray.direction, path.u_event)) {
+            path.throughput *= *colour;
+            return false;
+        }
     const BounceSample<float> u = sampler.bounce(static_cast<std::uint32_t>(path.block));
     BsdfSample<float> sample;
     if (!surface.black) sample = surface.sample(u.lobe, u.bsdf_uv);
@@ -96,10 +102,10 @@ Spectrum Features::trace(const Scene &scene, Tracer &tracer, const Sampler &samp
         }
         const Hit<float> hit =
             flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.cone, scene.needs());
-        const Vec3f wo = -path.ray.direction;
-        const float u_event = path.u_event;
         const Path::Outcome outcome = path_.meet(scene, hit, walk);
         if (outcome == Path::Outcome::passed) continue;
+        const Vec3f wo = -path.ray.direction;
+        const float u_event = path.u_event; // selects the leaf of a blend
         if (outcome == Path::Outcome::ended || !follows(scene, sampler, hit, walk))
             return value(walk, scene.mapped_normal(hit, wo, u_event));
     }
