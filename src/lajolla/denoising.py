@@ -21,6 +21,7 @@ LAYERS = {"albedo": ("albedo.R", "albedo.G", "albedo.B"), "normal": ("normal.X",
 NOISY = ("noisy.R", "noisy.G", "noisy.B")  # the picture before denoising
 MARGIN = 16  # pixels; with mirrored ones around it, the network errs less at the picture's border
 ALIGNMENT = 16  # the network halves the resolution four times
+LARGEST = float(np.finfo(np.float32).max)
 MAX_MEMORY = 3072  # MiB that Open Image Denoise may use; it denoises larger pictures in tiles
 
 
@@ -90,11 +91,11 @@ def _denoised(colour: FloatImage, layers: Mapping[str, FloatImage], threads: int
             name: _filtered(device, {name: _prepared(values, *limits[name])})
             for name, values in features.items()
         }
-        radiance = _prepared(colour, 0.0, np.finfo(np.float32).max)
+        radiance = _prepared(colour, 0.0, LARGEST)
         scale = _power_of_two_near_mean(radiance)
         result = _filtered(device, {"color": radiance / scale, **clean}, hdr=True, cleanAux=bool(clean))
     with np.errstate(over="ignore"):
-        return np.minimum(result[MARGIN:, MARGIN:][:height, :width] * scale, np.finfo(np.float32).max)
+        return np.minimum(result[MARGIN:, MARGIN:][:height, :width] * scale, LARGEST)
 
 
 def _prepared(values: FloatImage, low: float, high: float) -> FloatImage:

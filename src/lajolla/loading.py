@@ -97,7 +97,13 @@ class Scene:
             observe: called with the progress about ten times a second.
             denoise: removes noise with the help of `features`; see `Image.denoise`. If that fails, the
                 picture is returned as rendered, with an ImageWarning.
+
+        Raises:
+            DenoiseError: `denoise` is set, and Open Image Denoise is not installed.
+            OptionError: an option is out of range, or the integrator shows no light to denoise.
         """
+        if denoise:
+            check_available()
         rendering = self.rendering(spp=spp, seed=seed, threads=threads)
         features = self.features(seed=seed, threads=threads) if denoise else None
         rendering.run(observe)
@@ -121,11 +127,9 @@ class Scene:
         """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.Z", by their names.
 
         They show the first surface that is neither a mirror nor glass, with little noise; see
-        docs/denoising.md. Raises OptionError if the integrator shows no light, DenoiseError if Open Image
-        Denoise is not installed.
+        docs/denoising.md. Raises OptionError if the integrator shows no light.
         """
         core = self.core.with_output(features_output(self.integrator))
-        check_available()
         rendering = self._rendering(core, spp=FEATURE_SAMPLES, seed=seed, threads=threads)
         rendering.run(observe)
         image = rendering.image()
