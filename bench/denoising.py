@@ -47,7 +47,7 @@ EXAMPLES = (
     Example("bitterli/coffee", "bitterli/coffee/scene.xml", (200, 250)),
     Example("bitterli/staircase2", "bitterli/staircase2/scene.xml", (320, 180)),
 )
-PICTURE = Example("interior", "scenes/interior.xml", (480, 300))
+PICTURE = Example("interior", "scenes/interior.xml", (432, 270))
 
 
 def error_of(picture: np.ndarray, references: list[np.ndarray]) -> float:
