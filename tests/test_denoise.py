@@ -404,5 +404,5 @@ def test_an_interrupted_picture_is_denoised(
 
     monkeypatch.setattr(cli, "progress_display", interrupting)
     assert cli.main("render room.xml --denoise -o a.exr --spp 1000000".split()) == 130
-    assert "interrupted; wrote a.exr with " in capsys.readouterr().err
+    assert "interrupted; wrote a.exr (" in capsys.readouterr().err
     assert set(denoising.NOISY) <= set(Image.open("a.exr").channels)

@@ -1,5 +1,6 @@
 """Loads scenes from files or dicts."""
 
+import math
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -13,11 +14,11 @@ from lajolla import _core
 from lajolla.colour import FloatImage
 from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
 from lajolla.image import Image
-from lajolla.limits import OptionError, check
+from lajolla.limits import MOST_SAMPLES, OptionError, check
 from lajolla.messages import names_checked, suggestion, warn
 from lajolla.options import Options, apply_options
 from lajolla.picture_files import ImageWarning
-from lajolla.render import Progress, Rendering, available_threads
+from lajolla.render import Progress, Rendering, StopRules, available_threads
 from lajolla.scene import (
     Description,
     SceneFile,
@@ -61,37 +62,66 @@ class Scene:
 
     @names_checked
     def rendering(
-        self, *, spp: int | None = None, seed: int | None = None, threads: int | None = None
+        self,
+        *,
+        spp: int | None = None,
+        seconds: float | None = None,
+        noise: float | None = None,
+        adaptive: bool | None = None,
+        seed: int | None = None,
+        threads: int | None = None,
+        first_sample: int = 0,
     ) -> Rendering:
-        """A Rendering to run step by step; see `render`."""
-        return self._rendering(self.core, spp=spp, seed=seed, threads=threads)
+        """A Rendering to run step by step; see `render`.
 
-    def _rendering(
-        self, core: _core.Scene, *, spp: int | None, seed: int | None, threads: int | None
-    ) -> Rendering:
-        for name, value in (("spp", spp), ("seed", seed), ("threads", threads)):
+        Args:
+            first_sample: index of the first sample of each pixel, in its sequence of samples. Renders of
+                different ranges of samples can be merged.
+        """
+        numbers = (("spp", spp), ("seed", seed), ("threads", threads), ("sample", first_sample))
+        for name, value in numbers:
             check(name, value)
-        spp = self.core.sample_count if spp is None else spp
+        if spp is None and seconds is None and noise is None:
+            spp = self.core.sample_count
+        if spp is not None and first_sample + spp > MOST_SAMPLES:
+            raise OptionError(f"sample {first_sample + spp - 1} is beyond the last, {MOST_SAMPLES - 1}")
+        rules = StopRules(
+            spp=spp,
+            seconds=math.inf if seconds is None else seconds,
+            noise=0.0 if noise is None else noise,
+            adaptive=noise is not None if adaptive is None else adaptive,
+        )
         seed = self.core.seed if seed is None else seed
         threads = available_threads() if threads is None else threads
-        return Rendering(core, spp=spp, seed=seed, threads=threads, film=self.film)
+        return Rendering(
+            self.core, rules=rules, seed=seed, threads=threads, film=self.film, first_sample=first_sample
+        )
 
     @names_checked
     def render(
         self,
         *,
         spp: int | None = None,
+        seconds: float | None = None,
+        noise: float | None = None,
+        adaptive: bool | None = None,
         seed: int | None = None,
         threads: int | None = None,
         observe: Callable[[Progress], None] = lambda progress: None,
         denoise: bool = False,
     ) -> Image:
-        """Renders the picture; the same scene, spp and seed give the same picture, bit for bit.
+        """Renders the picture, until the first of spp, seconds and noise is reached.
 
-        An exception, such as KeyboardInterrupt, loses the picture; a `rendering` keeps its finished passes.
+        The same scene, seed, spp, noise and adaptive give the same picture, bit for bit. An exception, such
+        as KeyboardInterrupt, loses the picture; a `rendering` keeps its finished tiles.
 
         Args:
-            spp: samples per pixel; default: the scene's own number.
+            spp: samples per pixel, or their mean if adaptive; default: the scene's own number, if neither
+                seconds nor noise are given.
+            seconds: time for rendering.
+            noise: relative error of the picture to be reached, as estimated from its samples: the root of the
+                mean of squared errors divided by v^2 + m^2 / 100, of values v and their mean m.
+            adaptive: whether to take more samples where the error is larger; default: if noise is given.
             seed: seed of the sampler; default: the scene's own seed.
             threads: number of threads; default: as many as this process may use.
             observe: called with the progress about ten times a second.
@@ -104,7 +134,9 @@ class Scene:
         """
         if denoise:
             check_available()
-        rendering = self.rendering(spp=spp, seed=seed, threads=threads)
+        rendering = self.rendering(
+            spp=spp, seconds=seconds, noise=noise, adaptive=adaptive, seed=seed, threads=threads
+        )
         features = self.features(seed=seed, threads=threads) if denoise else None
         rendering.run(observe)
         image = rendering.image()
@@ -129,8 +161,14 @@ class Scene:
         They show the first surface that is neither a mirror nor glass, with little noise; see
         docs/denoising.md. Raises OptionError if the integrator shows no light.
         """
-        core = self.core.with_output(features_output(self.integrator))
-        rendering = self._rendering(core, spp=FEATURE_SAMPLES, seed=seed, threads=threads)
+        for name, value in (("seed", seed), ("threads", threads)):
+            check(name, value)
+        rendering = Rendering(
+            self.core.with_output(features_output(self.integrator)),
+            rules=StopRules(spp=FEATURE_SAMPLES),
+            seed=self.core.seed if seed is None else seed,
+            threads=available_threads() if threads is None else threads,
+        )
         rendering.run(observe)
         image = rendering.image()
         return {**dict(zip(LAYERS["albedo"], np.moveaxis(image.array, 2, 0), strict=True)), **image.channels}
