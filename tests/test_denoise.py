@@ -157,7 +157,7 @@ def test_features_behind_smoke() -> None:
                 },
             }
         )
-        albedo = {"integrator": denoising.features_output(scene.integrator)["integrator"]}
+        albedo = {"integrator": denoising.features_output(scene.description.core["integrator"])["integrator"]}
         check_mean(integrator, batch_means(scene.core.with_output(albedo), 64), expected)
 
 

@@ -33,6 +33,8 @@ examples:
   lajolla render scene.xml --pixel 10,20              the radiance of one pixel
   lajolla render scene.xml --spp 16 --denoise
   lajolla render - -o - --format png < scene.xml > picture.png
+  lajolla render scene.xml --noise 1% --time 2h --checkpoint scene.ckpt
+  lajolla render scene.xml --noise 1% --time 2h --resume scene.ckpt       after a crash
 
 Ctrl-C stops rendering and saves the samples so far, denoised with --denoise.""",
     "denoise": """\
@@ -59,6 +61,11 @@ examples:
 
 Prints for red, green and blue: the ratio of the means, the root of the mean squared error (RMSE), and the
 relative MSE, which is the mean of (A - B)^2 / (B^2 + 0.01).""",
+    "merge": """\
+examples:
+  lajolla render scene.xml --spp 512 --checkpoint a.ckpt
+  lajolla render scene.xml --spp 512 --first-sample 512 --checkpoint b.ckpt     on another machine
+  lajolla merge a.ckpt b.ckpt -o scene.exr                1024 samples per pixel""",
     "list": """\
 examples:
   lajolla list                              every plugin by its kind
@@ -119,6 +126,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         parser.error("a command is required: " + ", ".join(commands))
     if arguments.command == "render":
         _check_render(arguments, commands["render"])
+    if arguments.command == "merge" and not arguments.outputs and arguments.checkpoint is None:
+        commands["merge"].error("name a picture to write with -o, or a checkpoint with --checkpoint")
     if arguments.command == "compare" and str(arguments.a) == str(arguments.b) == "-":
         commands["compare"].error("standard input holds one picture, not both")
     if arguments.command == "convert" and arguments.pack and is_standard_output(arguments.target):
@@ -136,13 +145,15 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
         parser.error("a scene from standard input has no name for its picture: name it with -o")
     if arguments.denoise and arguments.pixel is not None:
         parser.error("--denoise cannot be combined with --pixel")
+    if arguments.checkpoint is None:
+        arguments.checkpoint = arguments.resume
     if "-" in outputs and is_standard_output(arguments.stats):
         parser.error("the picture and --stats cannot both go to standard output")
 
 
 def prints_results(arguments: argparse.Namespace) -> bool:
     """Whether a result of a command goes to standard output."""
-    if arguments.command == "render":
+    if arguments.command in ("render", "merge"):
         named = [*(arguments.outputs or []), arguments.stats]
         return arguments.pixel is not None or any(is_standard_output(path) for path in named)
     if arguments.command == "denoise":
@@ -178,6 +189,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
         "check": ("open a scene; print statistics and warnings", _add_check),
         "convert": ("write a scene as a file for Mitsuba 3", _add_convert),
         "compare": ("measure the difference between two pictures", _add_compare),
+        "merge": ("add checkpoints of one picture, of disjoint samples", _add_merge),
         "list": ("show the plugins and their parameters", _add_list),
         "completion": ("print a script that completes commands and options in a shell", _add_completion),
     }
@@ -243,63 +255,8 @@ def _add_scene(parser: Parser) -> None:
     )
 
 
-def _add_render(parser: Parser) -> None:
-    _add_scene(parser)
-    parser.set_defaults(suffix="")
-    group = _add_output(
-        parser,
-        default=" (default: the scene's name with the endings for its film, usually .exr and .png)",
-    )
-    group.add_argument(
-        "--all-sensors",
-        action="store_true",
-        help="render one picture per sensor; its id or number is appended to file names",
-    )
-    group.add_argument(
-        "--denoise",
-        action="store_true",
-        help="remove noise with Open Image Denoise (pip install 'lajolla[denoise]'); EXR files keep the "
-        "noisy picture as a layer",
-    )
-    group = parser.add_argument_group(
-        "end (at the first of --spp, --time and --noise; default: the scene's spp)"
-    )
-    group.add_argument("--time", type=_seconds, metavar="90s|5m|1h", help="time for rendering")
-    group.add_argument(
-        "--noise",
-        type=_noise,
-        metavar="X",
-        help="relative error of the picture, as estimated from its samples: 0.01 is hardly visible",
-    )
-    group.add_argument(
-        "--adaptive",
-        action=argparse.BooleanOptionalAction,
-        help="take more samples where the error is larger; --spp is then a mean (default: with --noise)",
-    )
-    group = _add_run(parser)
-    group.add_argument(
-        "--first-sample",
-        type=_whole("sample"),
-        default=0,
-        metavar="N",
-        help="begin with this sample of each pixel, to render the samples of one picture in parts",
-    )
-    group.add_argument(
-        "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
-    )
-    group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
-    group.add_argument("--sample", type=_whole("sample"), metavar="N", help="with --pixel: only this sample")
-
-
-def _add_denoise(parser: Parser) -> None:
-    parser.add_argument("picture", type=Path, metavar="PICTURE", help="picture; - reads standard input")
-    _add_output(parser, default="", required=True)
-    _add_run(parser)
-
-
-def _add_output(parser: Parser, *, default: str, required: bool = False) -> argparse._ArgumentGroup:
-    """Adds the options of written pictures; returns their group."""
-    group = parser.add_argument_group("output")
+def _add_pictures(group: argparse._ArgumentGroup, default: str = "", required: bool = False) -> None:
+    """Adds the options of written pictures; `default` says what is written without -o."""
     group.add_argument(
         "-o",
         "--output",
@@ -328,7 +285,68 @@ def _add_output(parser: Parser, *, default: str, required: bool = False) -> argp
         choices=("gamma", "reinhard"),
         help="tone mapping instead of the film's: exposure only, or Reinhard et al. 2002",
     )
-    return group
+
+
+def _add_render(parser: Parser) -> None:
+    _add_scene(parser)
+    parser.set_defaults(suffix="")
+    group = parser.add_argument_group("output")
+    _add_pictures(group, " (default: the scene's name with the endings for its film, usually .exr and .png)")
+    group.add_argument(
+        "--all-sensors",
+        action="store_true",
+        help="render one picture per sensor; its id or number is appended to file names",
+    )
+    group.add_argument(
+        "--denoise",
+        action="store_true",
+        help="remove noise with Open Image Denoise (pip install 'lajolla[denoise]'); EXR files keep the "
+        "noisy picture as a layer",
+    )
+    group = parser.add_argument_group(
+        "end (at the first of --spp, --time and --noise; default: the scene's spp)"
+    )
+    group.add_argument("--time", type=_seconds, metavar="90s|5m|1h", help="time for rendering")
+    group.add_argument(
+        "--noise",
+        type=_noise,
+        metavar="X",
+        help="relative error of the picture, as estimated from its samples: 0.01 is hardly visible",
+    )
+    group.add_argument(
+        "--adaptive",
+        action=argparse.BooleanOptionalAction,
+        help="take more samples where the error is larger; --spp is then a mean (default: with --noise)",
+    )
+    group = parser.add_argument_group("checkpoints (docs/rendering.md)")
+    group.add_argument(
+        "--checkpoint", type=Path, metavar="FILE", help="file for the samples so far, written again and again"
+    )
+    group.add_argument(
+        "--every", type=_seconds, default=60.0, metavar="TIME", help="how often (default: 60s)"
+    )
+    group.add_argument(
+        "--resume", type=Path, metavar="FILE", help="go on where this checkpoint ends, and write it again"
+    )
+    group.add_argument(
+        "--first-sample",
+        type=_whole("sample"),
+        default=0,
+        metavar="N",
+        help="begin with this sample of each pixel, to render one picture in parts, for `lajolla merge`",
+    )
+    group = _add_run(parser)
+    group.add_argument(
+        "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
+    )
+    group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
+    group.add_argument("--sample", type=_whole("sample"), metavar="N", help="with --pixel: only this sample")
+
+
+def _add_denoise(parser: Parser) -> None:
+    parser.add_argument("picture", type=Path, metavar="PICTURE", help="picture; - reads standard input")
+    _add_pictures(parser.add_argument_group("output"), required=True)
+    _add_run(parser)
 
 
 def _add_run(parser: Parser) -> argparse._ArgumentGroup:
@@ -364,6 +382,15 @@ def _add_convert(parser: Parser) -> None:
         action="store_true",
         help="copy all meshes as PLY into the folder of OUT instead of referring to those of SCENE",
     )
+
+
+def _add_merge(parser: Parser) -> None:
+    parser.add_argument(
+        "files", type=Path, nargs="+", metavar="CHECKPOINT", help="written by lajolla render --checkpoint"
+    )
+    _add_pictures(parser.add_argument_group("output"))
+    parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="also write the sum as a checkpoint")
+    parser.set_defaults(stats=None, pixel=None, resume=None)
 
 
 def _add_compare(parser: Parser) -> None:
@@ -489,7 +516,9 @@ def _for_sensor(arguments: argparse.Namespace, number: int | None, suffix: str) 
     result = argparse.Namespace(**vars(arguments))
     result.all_sensors, result.sensor, result.suffix = False, number, suffix
     result.outputs = [_with_suffix(path, suffix) for path in arguments.outputs or []]
-    result.stats = arguments.stats and _with_suffix(arguments.stats, suffix)
+    for name in ("stats", "checkpoint", "resume"):
+        path = getattr(arguments, name)
+        setattr(result, name, path and _with_suffix(path, suffix))
     return result
 
 

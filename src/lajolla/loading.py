@@ -4,6 +4,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from lajolla.picture_files import ImageWarning
 from lajolla.render import Progress, Rendering, StopRules, available_threads
 from lajolla.scene import (
     Description,
+    Places,
     SceneFile,
     SceneWarning,
     UnknownParameter,
@@ -39,12 +41,17 @@ class Scene:
             self.core = _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
-        self.integrator: Mapping[str, Any] = core["integrator"]  # of the picture
+        # To build it again elsewhere, which needs no places of errors.
+        self.description = replace(description, core=core, places=Places())
         self.film = description.film
         self.sensors = description.sensors  # ids of all sensors, or their numbers
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A pickle holds the description with its options; the scene is built when the pickle is loaded."""
+        return Scene, (self.description, Options(), self.load_seconds)
 
     def __repr__(self) -> str:
         samples = self.core.sample_count
@@ -94,7 +101,13 @@ class Scene:
         seed = self.core.seed if seed is None else seed
         threads = available_threads() if threads is None else threads
         return Rendering(
-            self.core, rules=rules, seed=seed, threads=threads, film=self.film, first_sample=first_sample
+            self.core,
+            self.description.core,
+            rules=rules,
+            seed=seed,
+            threads=threads,
+            film=self.film,
+            first_sample=first_sample,
         )
 
     @names_checked
@@ -163,8 +176,10 @@ class Scene:
         """
         for name, value in (("seed", seed), ("threads", threads)):
             check(name, value)
+        output = features_output(self.description.core["integrator"])
         rendering = Rendering(
-            self.core.with_output(features_output(self.integrator)),
+            self.core.with_output(output),
+            {**self.description.core, **output},
             rules=StopRules(spp=FEATURE_SAMPLES),
             seed=self.core.seed if seed is None else seed,
             threads=available_threads() if threads is None else threads,

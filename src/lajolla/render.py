@@ -3,9 +3,10 @@
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -87,6 +88,7 @@ class Rendering:
     def __init__(
         self,
         core: _core.Scene,
+        description: Mapping[str, Any],
         *,
         rules: StopRules,
         seed: int,
@@ -94,6 +96,7 @@ class Rendering:
         film: Film = DEFAULT_FILM,
         first_sample: int = 0,
     ) -> None:
+        self.description = description  # what `core` was built from
         self.film = film
         self.channels = core.channels
         self.rules = rules
@@ -170,16 +173,15 @@ class Rendering:
         while self.accumulator.counts.min() >= FIRST_COUNT:
             if self.round is None:
                 self.estimate.update(self.accumulator.image()[..., :3], self.accumulator.counts)
+                if 0 < self.rules.noise >= self.noise:
+                    return
                 self.round = self._next_round()
-            if (self.round <= self.accumulator.counts).all() or self._is_clean():
-                return
+                if (self.round <= self.accumulator.counts).all():
+                    return
             yield from self._passes_to(self.round)
             if (self.accumulator.counts < self.round).any():  # no time is left
                 return
             self.round = None
-
-    def _is_clean(self) -> bool:
-        return self.rules.noise > 0 and self.noise <= self.rules.noise
 
     def _next_round(self) -> Counts:
         counts = self.accumulator.counts

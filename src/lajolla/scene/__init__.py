@@ -43,6 +43,7 @@ from .versions.upgrade import upgrade
 __all__ = [
     "Description",
     "Export",
+    "Places",
     "SceneError",
     "SceneFile",
     "SceneWarning",
