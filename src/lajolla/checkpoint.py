@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -40,8 +41,6 @@ def identity(rendering: Rendering) -> dict[str, Any]:
 
     This takes a second for a gigabyte of meshes and textures.
     """
-    import lajolla
-
     scene = rendering.description
     height, width = rendering.halves.of_pixels.shape
     film = {name: value for name, value in scene["film"].items() if not name.startswith("crop_")}
@@ -51,7 +50,7 @@ def identity(rendering: Rendering) -> dict[str, Any]:
     }
     return {
         **sections({**scene, **own}),
-        "version": lajolla.__version__,
+        "version": version("lajolla"),
         "instruction set": f"{_core.isa} on {processor.level()}",  # Embree chooses its own by the processor
     }
 
