@@ -92,14 +92,14 @@ class Checkpoint:
         }
         text = json.dumps({**facts, "format": FORMAT, "film": asdict(self.film)})
         with replacing(path) as temporary, open(temporary, "wb") as file:
-            np.savez(
-                file,
-                facts=np.array(text),
-                digits=self.sums.digits,
-                places=self.sums.places,
-                counts=self.counts,
+            arrays: dict[str, Any] = {
+                "facts": np.array(text),
+                "digits": self.sums.digits,
+                "places": self.sums.places,
+                "counts": self.counts,
                 **self.rounds,
-            )
+            }
+            np.savez(file, **arrays)
 
 
 def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Checkpoint:
@@ -176,9 +176,13 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
     ]
     if not ranges:
         raise ValueError("no samples")
-    shapes = {"changes": (np.float64, halves.shape), "changes_before": (np.float64, halves.shape)}
-    shapes |= {"measured_counts": (np.uint32, halves.shape), "round": (np.uint32, halves.shape)}
-    shapes |= {"measured_picture": (np.float32, (height, width, 3))}
+    shapes: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+        "changes": (np.float64, halves.shape),
+        "changes_before": (np.float64, halves.shape),
+        "measured_counts": (np.uint32, halves.shape),
+        "measured_picture": (np.float32, (height, width, 3)),
+        "round": (np.uint32, halves.shape),
+    }
     return Checkpoint(
         identity=dict(facts["identity"]),
         width=width,
