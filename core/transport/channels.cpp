@@ -29,7 +29,8 @@ float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sam
 } // namespace
 
 std::span<const float> ChannelRecorder::record(const Scene &scene, const Sampler &sampler,
-                                               PrimaryRay &primary, const Spectrum &picture, Tracer &tracer) {
+                                               PrimaryRay &primary, const Spectrum &picture, float weight,
+                                               Tracer &tracer) {
     colours_[0] = picture;
     for (std::size_t i = 0; i < output_.others.size(); ++i)
         colours_[i + 1] = match(output_.others[i], [&](const auto &model) {
@@ -40,7 +41,7 @@ std::span<const float> ChannelRecorder::record(const Scene &scene, const Sampler
         const float value = channel.recorded == Recorded::alpha
                                 ? alpha(scene, integrator(channel), sampler, primary, tracer)
                                 : colour_value(channel);
-        values_[i] = channel.squared ? sqr(value) : value;
+        values_[i] = !channel.squared ? value : sqr(value) * (channel.weighted ? weight : 1);
     }
     return values_;
 }

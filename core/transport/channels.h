@@ -27,13 +27,19 @@ struct Channel {
     Recorded recorded = Recorded::rgb;
     int component = 0;
     bool squared = false; // square each sample: for second moments
+    // The second moment is that of samples times filter weights, whose mean is the pixel. (The sum of samples
+    // multiplies by the weight once more.)
+    bool weighted = false;
 
     static constexpr auto fields() {
-        return std::tuple(field("label", &Channel::label, "its name in a file"),
-                          field("source", &Channel::source, "0 is the picture's integrator").range(0),
-                          field("recorded", &Channel::recorded, "`one` is 1 everywhere"),
-                          field("component", &Channel::component, "of rgb or xyz").range(0, 2),
-                          field("squared", &Channel::squared, "squares each sample, for second moments"));
+        return std::tuple(
+            field("label", &Channel::label, "its name in a file"),
+            field("source", &Channel::source, "0 is the picture's integrator").range(0),
+            field("recorded", &Channel::recorded, "`one` is 1 everywhere"),
+            field("component", &Channel::component, "of rgb or xyz").range(0, 2),
+            field("squared", &Channel::squared, "squares each sample, for second moments"),
+            field("weighted", &Channel::weighted,
+                  "with squared: of samples times filter weights, for the variance of the mean"));
     }
 };
 
@@ -53,9 +59,10 @@ public:
     explicit ChannelRecorder(const Output &output)
         : output_(output), colours_(1 + output.others.size()), values_(output.channels.size()) {}
 
-    // `picture` is the radiance that the picture's integrator has found along the camera ray.
+    // `picture` is the radiance that the picture's integrator has found along the camera ray, `weight` the
+    // filter's, by which the caller multiplies the result.
     std::span<const float> record(const Scene &scene, const Sampler &sampler, PrimaryRay &primary,
-                                  const Spectrum &picture, Tracer &tracer);
+                                  const Spectrum &picture, float weight, Tracer &tracer);
 
 private:
     const Integrator &integrator(const Channel &channel) const;

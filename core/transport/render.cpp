@@ -4,63 +4,13 @@
 #include <chrono>
 
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/global_control.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
-#if defined(__SSE__)
-#include <immintrin.h>
-#endif
-
+#include "transport/tiles.h"
 #include "transport/wavefront.h"
 
 namespace lajolla {
 
 namespace {
-
-constexpr int tile_size = 16;
-
-// Denormal numbers cost hundreds of cycles and no picture shows them.
-class FlushToZero {
-public:
-#if defined(__SSE__)
-    FlushToZero() : saved_(_mm_getcsr()) { _mm_setcsr(saved_ | 0x8040); } // flush-to-zero, denormals-are-zero
-    ~FlushToZero() { _mm_setcsr(saved_); }
-    FlushToZero(const FlushToZero &) = delete;
-    FlushToZero &operator=(const FlushToZero &) = delete;
-
-private:
-    unsigned saved_;
-#endif
-};
-
-struct Tile {
-    int x0, y0, x1, y1; // within the crop window
-};
-
-std::vector<Tile> tiles_of(const Film &film) {
-    std::vector<Tile> tiles;
-    for (int y = 0; y < film.crop_height; y += tile_size)
-        for (int x = 0; x < film.crop_width; x += tile_size)
-            tiles.push_back(
-                {x, y, std::min(x + tile_size, film.crop_width), std::min(y + tile_size, film.crop_height)});
-    return tiles;
-}
-
-// Calls f(tile index, tile) for all tiles on the given number of threads.
-template <class F>
-void for_each_tile(const std::vector<Tile> &tiles, int threads, F &&f) {
-    const auto run = [&] {
-        tbb::parallel_for(std::size_t(0), tiles.size(), [&](std::size_t i) {
-            const FlushToZero guard;
-            f(i, tiles[i]);
-        });
-    };
-    if (threads <= 0) return run();
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                    static_cast<std::size_t>(threads));
-    tbb::task_arena(threads).execute(run);
-}
 
 FilmSample<float> film_sample(const Scene &scene, const Sampler &sampler, const SampleId &id) {
     return sample_film(scene, sampler.camera(), static_cast<float>(id.x), static_cast<float>(id.y));
@@ -76,7 +26,7 @@ public:
     // `value` is what the picture's integrator found; the channels beside it are recorded here.
     void add(const SampleId &id, const Sampler &sampler, PrimaryRay &primary, const Spectrum &value,
              float weight) {
-        add(id, value, weight, recorder_.record(scene_, sampler, primary, value, tracer_));
+        add(id, value, weight, recorder_.record(scene_, sampler, primary, value, weight, tracer_));
     }
     void add(const SampleId &id, const Spectrum &value, float weight, std::span<const float> rest = {}) {
         if (!is_finite(value) || !std::ranges::all_of(rest, [](float v) { return std::isfinite(v); }))
@@ -180,7 +130,7 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
 // Renders all tiles; their rays go to `recording` where there is one.
 std::vector<Report> render_tiles(const Scene &scene, const Output &output, const Job &job,
                                  std::span<double> sums, Progress &progress, Recording *recording) {
-    const auto tiles = tiles_of(scene.film());
+    const auto tiles = tiles_of(scene.film().crop_width, scene.film().crop_height);
     std::vector<Report> reports(tiles.size());
     if (recording) recording->resize(tiles.size());
     const auto tile_with = [&](std::size_t i, auto &&render) {

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from lajolla.aovs import AOVS
 from lajolla.limits import OptionError
 from lajolla.messages import suggestion
 from lajolla.scene import core_schema, plugins
@@ -20,6 +21,7 @@ def catalog() -> Catalog:
     }  # adapters are bsdfs in scene files
     for kind, models in plugins().items():
         merged.setdefault(kind, {}).update(models)
+    merged["aov"] = {name: {"doc": variable.doc, "fields": []} for name, variable in AOVS.items()}
     return merged
 
 

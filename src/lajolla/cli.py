@@ -124,6 +124,8 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
             integrator=arguments.integrator,
             max_depth=arguments.max_depth,
             sensor=arguments.sensor,
+            hide_emitters=arguments.hide_emitters,
+            aovs=arguments.aovs,
         )
 
 
@@ -157,8 +159,9 @@ def command_render(arguments: argparse.Namespace) -> int:
     for output in outputs:
         output.check()
         output.check_space(scene)
-    if scene.core.channels and not any(output.holds_channels for output in outputs):
-        holding = " and ".join(lajolla.picture_formats.HOLD_CHANNELS)
+    has_more = scene.core.channels or scene.aovs
+    if has_more and not any(output.holds_channels for output in outputs):
+        holding = ", ".join(lajolla.picture_formats.HOLD_CHANNELS)
         say(f"warning: only {holding} files hold all channels of this scene")
     rendering = scene.rendering(threads=arguments.threads)
     patience = Patience("the picture")

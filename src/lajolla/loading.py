@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lajolla import _core
+from lajolla.aovs import ALPHA, VARIANCE, needs_names
 from lajolla.image import Image
 from lajolla.limits import OptionError, check
 from lajolla.messages import names_checked, suggestion, warn
+from lajolla.objects import ObjectLayers
 from lajolla.options import Options, apply_options
 from lajolla.render import Progress, Rendering, available_threads
 from lajolla.scene import (
@@ -35,7 +37,9 @@ class Scene:
             self.core = _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
-        self.film = description.film
+        self.film = description.film.with_alpha() if ALPHA in options.aovs else description.film
+        self.aovs = tuple(options.aovs)
+        self.names = description.names  # of objects, if an aov needs them
         self.sensors = description.sensors  # ids of all sensors, or their numbers
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
@@ -65,7 +69,10 @@ class Scene:
         spp = self.core.sample_count if spp is None else spp
         seed = self.core.seed if seed is None else seed
         threads = available_threads() if threads is None else threads
-        return Rendering(self.core, spp=spp, seed=seed, threads=threads, film=self.film)
+        if spp < 2 and VARIANCE in self.aovs:
+            raise OptionError("the aov 'variance' needs at least two samples per pixel")
+        layers = ObjectLayers(self.core, self.aovs, self.names, seed, threads)
+        return Rendering(self.core, spp=spp, seed=seed, threads=threads, film=self.film, layers=layers)
 
     @names_checked
     def render(
@@ -128,8 +135,8 @@ def load(
         strict: makes unknown plugins and properties errors.
         two_sided: makes opaque surfaces reflect on both sides.
         parameters: values of the file's `$name` parameters.
-        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor);
-            other names are parameters that the file must have.
+        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor,
+            hide_emitters, aovs); other names are parameters that the file must have.
 
     Raises:
         SceneError: the scene has an error; the message contains the location.
@@ -148,6 +155,7 @@ def load(
             two_sided=two_sided,
             integrator=own.integrator,
             sensor=own.sensor,
+            named=needs_names(own.aovs),
         )
     except UnknownParameter as problem:
         hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", *vars(own), *problem.known])
@@ -184,6 +192,7 @@ def load_dict(
         two_sided=two_sided,
         integrator=own.integrator,
         sensor=own.sensor,
+        named=needs_names(own.aovs),
     )
     return _warned(Scene(description, own, time.perf_counter() - start))
 

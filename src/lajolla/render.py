@@ -7,10 +7,13 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 
 from lajolla import _core
+from lajolla.aovs import VARIANCE
 from lajolla.film import Film
 from lajolla.image import Image
+from lajolla.layers import variance_of_mean
 from lajolla.limits import LIMITS
 from lajolla.messages import names_checked
+from lajolla.objects import ObjectLayers
 
 PASS_SECONDS = 2.0  # passes grow until they take about this long; an interrupted one is lost
 POLL_SECONDS = 0.1
@@ -43,9 +46,17 @@ class Rendering:
     """
 
     def __init__(
-        self, core: _core.Scene, *, spp: int, seed: int, threads: int, film: Film = DEFAULT_FILM
+        self,
+        core: _core.Scene,
+        *,
+        spp: int,
+        seed: int,
+        threads: int,
+        film: Film = DEFAULT_FILM,
+        layers: ObjectLayers | None = None,
     ) -> None:
         self.film = film
+        self.layers = layers
         self.channels = core.channels
         self.spp = spp
         self.lost = 0
@@ -61,7 +72,13 @@ class Rendering:
         """The mean of the samples of all finished passes."""
         values = self.accumulator.image()
         channels = {label: values[..., 3 + index] for index, label in enumerate(self.channels)}
-        return Image(values[..., :3], channels, self.film)
+        if self.layers is None:
+            return Image(values[..., :3], channels, self.film)
+        if VARIANCE in self.layers.aovs:
+            for index, letter in enumerate("RGB"):
+                mean, square = values[..., index], channels[f"{VARIANCE}.{letter}"]
+                channels[f"{VARIANCE}.{letter}"] = variance_of_mean(mean, square, self.samples)
+        return Image(values[..., :3], channels, self.film, self.layers.layers(self.samples))
 
     @names_checked
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
