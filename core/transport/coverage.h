@@ -26,18 +26,15 @@ template <class Medium>
 Seen look(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera, std::optional<RayHit> found,
           bool hide_emitters, Medium medium, const HitNeeds &needs) {
     PathState<float> path = Path::start(camera);
-    float travelled = 0;
     while (path.null_transmissions <= max_null_transmissions) {
         if (medium.fly(scene, path.ray, found, path.u_event).collision) return {{}, true};
         if (!found) break;
         Hit<float> hit = scene.hit(path.ray, *found, path.cone, needs);
-        const bool shines = hit.emitter >= 0;
-        const float distance = travelled + hit.distance;
+        const bool shines = hit.emitter >= 0, passed = path.null_transmissions > 0;
         if ((shines && !hide_emitters) || !Path::passes_through(scene, hit, shines, path, medium)) {
-            hit.distance = distance;
+            if (passed) hit.distance = length(hit.position - camera.ray.origin);
             return {SeenSurface{*found, hit, path.u_event}};
         }
-        travelled = distance;
         found = tracer.closest(path.ray);
     }
     return {};

@@ -161,8 +161,8 @@ def command_render(arguments: argparse.Namespace) -> int:
         output.check_space(scene)
     has_more = scene.core.channels or scene.aovs
     if has_more and not any(output.holds_channels for output in outputs):
-        holding = ", ".join(lajolla.picture_formats.HOLD_CHANNELS)
-        say(f"warning: only {holding} files hold all channels of this scene")
+        *some, last = lajolla.picture_formats.HOLD_CHANNELS
+        say(f"warning: only {', '.join(some)} and {last} files hold all channels")
     rendering = scene.rendering(threads=arguments.threads)
     patience = Patience("the picture")
     with handled_by(patience):

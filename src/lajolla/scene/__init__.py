@@ -141,8 +141,9 @@ def load_description(
     """
     tree, builder = _read(path, parameters, strict, required_names, runs=runs)
     names = Names() if named else None
-    settings = {"two_sided": two_sided, "integrator": integrator, "sensor": sensor, "names": names}
-    return _describe(tree, replace(builder, **settings))
+    return _describe(
+        tree, replace(builder, two_sided=two_sided, integrator=integrator, sensor=sensor, names=names)
+    )
 
 
 @_collector_paused()
