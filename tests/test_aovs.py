@@ -296,13 +296,13 @@ def test_bands_and_ranks() -> None:
     assert np.all(whole.coverage[..., -1] > 0)  # ten shapes in a pixel: the largest six are kept
     numbers = np.arange(1, 81, dtype=np.int32)
     parts = [
-        _core.object_coverage(scene.core, [("shape", numbers)], scene.core.seed, 64, 6, first, first + 4)
+        _core.object_coverage(scene.core, [("shape", numbers)], scene.core.seed, 0, 64, 6, first, first + 4)
         for first in (0, 4)
     ]
     joined = [np.concatenate([part[0][i] for part in parts]) for i in range(2)]
     assert np.array_equal(joined[0], whole.numbers) and np.array_equal(joined[1], whole.coverage)
     with pytest.raises(ValueError, match="one number for each shape expected"):
-        _core.object_coverage(scene.core, [("shape", numbers[1:])], 0, 1, 6, 0, 1)
+        _core.object_coverage(scene.core, [("shape", numbers[1:])], 0, 0, 1, 6, 0, 1)
 
 
 # --- files

@@ -5,10 +5,10 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
-#include <memory>
 #include <tuple>
 
 #include "engine/renderable.h"
+#include "python/arrays.h"
 #include "transport/object_ids.h"
 
 namespace lajolla {
@@ -19,15 +19,6 @@ using namespace nb::literals;
 
 using Numbers = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Counted = std::vector<std::tuple<std::string, Numbers>>;
-
-template <class T>
-nb::object to_numpy(std::vector<T> values, std::size_t rows, std::size_t columns, std::size_t depth) {
-    auto kept = std::make_unique<std::vector<T>>(std::move(values));
-    T *const data = kept->data();
-    const nb::capsule owner(kept.release(),
-                            [](void *p) noexcept { delete static_cast<std::vector<T> *>(p); });
-    return nb::cast(nb::ndarray<nb::numpy, T>(data, {rows, columns, depth}, owner));
-}
 
 std::size_t objects_of(const SceneParts &parts, ObjectKind kind) {
     return kind == ObjectKind::shape      ? parts.shapes.size()
@@ -58,12 +49,13 @@ nb::object centre_ids(const RenderableScene &scene, int threads) {
             values.insert(values.end(), {ids.shape, ids.material, ids.instance, ids.primitive});
     }
     const Film &film = scene.scene->film();
-    return to_numpy(std::move(values), static_cast<std::size_t>(film.crop_height),
-                    static_cast<std::size_t>(film.crop_width), 4);
+    return array_of(std::move(values), {static_cast<std::size_t>(film.crop_height),
+                                        static_cast<std::size_t>(film.crop_width), 4});
 }
 
 nb::list covering_objects(const RenderableScene &scene, const Counted &counted, std::uint32_t seed,
-                          std::uint32_t count, std::size_t ranks, int first_row, int end_row, int threads) {
+                          std::uint32_t first_sample, std::uint32_t count, std::size_t ranks, int first_row,
+                          int end_row, int threads) {
     const Film &film = scene.scene->film();
     if (first_row < 0 || end_row < first_row || end_row > film.crop_height)
         throw std::invalid_argument("there are no such rows");
@@ -71,15 +63,15 @@ nb::list covering_objects(const RenderableScene &scene, const Counted &counted, 
     std::vector<RankedObjects> found;
     {
         const nb::gil_scoped_release release;
-        found = object_coverage(*scene.scene, scene.output.integrator, objects, scene.sequence, seed, count,
-                                ranks, {first_row, end_row}, threads);
+        found = object_coverage(*scene.scene, scene.output.integrator, objects, scene.sequence, seed,
+                                {first_sample, first_sample + count}, ranks, {first_row, end_row}, threads);
     }
     const auto rows = static_cast<std::size_t>(end_row - first_row),
                columns = static_cast<std::size_t>(film.crop_width);
     nb::list result;
-    for (RankedObjects &objects_of_kind : found)
-        result.append(nb::make_tuple(to_numpy(std::move(objects_of_kind.numbers), rows, columns, ranks),
-                                     to_numpy(std::move(objects_of_kind.coverage), rows, columns, ranks)));
+    for (RankedObjects &ranked : found)
+        result.append(nb::make_tuple(array_of(std::move(ranked.numbers), {rows, columns, ranks}),
+                                     array_of(std::move(ranked.coverage), {rows, columns, ranks})));
     return result;
 }
 
@@ -94,13 +86,14 @@ void bind_object_ids(nb::module_ &m) {
           "its material and the instance in the description's lists, and the primitive of the shape; -1 for "
           "none.");
     m.def(
-        "object_coverage", &covering_objects, "scene"_a, "counted"_a, "seed"_a, "count"_a, "ranks"_a,
-        "first_row"_a, "end_row"_a, "threads"_a = 0,
+        "object_coverage", &covering_objects, "scene"_a, "counted"_a, "seed"_a, "first_sample"_a, "count"_a,
+        "ranks"_a, "first_row"_a, "end_row"_a, "threads"_a = 0,
         nb::sig("def object_coverage(scene: Scene, counted: "
                 "collections.abc.Sequence[tuple[str, numpy.typing.NDArray[numpy.int32]]], seed: int, "
-                "count: int, ranks: int, first_row: int, end_row: int, threads: int = 0) -> "
+                "first_sample: int, count: int, ranks: int, first_row: int, end_row: int, threads: int = 0) -> "
                 "list[tuple[numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.float32]]]"),
-        "The objects that cover each pixel of some rows most, as samples 0 ... count - 1 see them.\n\n"
+        "The objects that cover each pixel of some rows most, as `count` samples from first_sample on see "
+        "them.\n\n"
         "`counted` holds the kinds to count (\"shape\", \"material\", \"instance\"), each with a number "
         "above "
         "zero for every object in the description's list; objects with the same number count as one. "

@@ -9,7 +9,6 @@
 
 #include <memory>
 
-#include "engine/accumulator.h"
 #include "engine/renderable.h"
 #include "python/values.h"
 
@@ -43,15 +42,6 @@ std::shared_ptr<RenderableScene> make_scene(const nb::dict &description) {
         const nb::gil_scoped_release release;
         return build_scene(dict);
     });
-}
-
-nb::object image_of(const Accumulator &render) {
-    auto image = std::make_unique<std::vector<float>>(render.image());
-    float *const data = image->data();
-    const nb::capsule owner(image.release(),
-                            [](void *p) noexcept { delete static_cast<std::vector<float> *>(p); });
-    return nb::cast(
-        nb::ndarray<nb::numpy, float>(data, {render.height(), render.width(), render.channels()}, owner));
 }
 
 std::tuple<float, float, float> replay_sample(const RenderableScene &self, std::uint32_t seed,
@@ -110,28 +100,6 @@ void bind_scene(nb::module_ &m) {
         .def(
             "summary", [](const RenderableScene &s) { return object_of(summary(s)); },
             "Counts of what is in it, and its size in bytes.");
-
-    nb::class_<Accumulator>(m, "Render", "The running mean of a scene's samples.")
-        .def(nb::init<const RenderableScene &, std::optional<std::uint32_t>>(), "scene"_a,
-             "seed"_a = nb::none(), nb::keep_alive<1, 2>())
-        .def("add", &Accumulator::add, "first_sample"_a, "count"_a, "threads"_a = 0, "one_lane"_a = false,
-             nb::call_guard<nb::gil_scoped_release>(),
-             "Adds samples first_sample ... first_sample + count - 1 of every pixel. Returns False, and "
-             "changes nothing, "
-             "where cancel() was called meanwhile. threads = 0 uses them all; one_lane follows one path "
-             "after the "
-             "other, which gives the same bits.")
-        .def("cancel", &Accumulator::cancel, "Stops add(), from another thread.")
-        .def_prop_ro("progress", &Accumulator::progress, "Finished fraction of the running add().")
-        .def("image", &image_of, nb::sig("def image(self) -> numpy.typing.NDArray[numpy.float32]"),
-             "Mean of the samples: float32 (height, width, 3 + number of channels); the first three are "
-             "linear "
-             "sRGB.")
-        .def_prop_ro("samples", &Accumulator::samples, "Samples per pixel so far.")
-        .def_prop_ro("rays", &Accumulator::rays, "Rays traced so far.")
-        .def_prop_ro("nonfinite", &Accumulator::nonfinite,
-                     "Samples that were NaN or infinite; they count as black.")
-        .def_prop_ro("nonfinite_list", &Accumulator::nonfinite_list, "(x, y, sample) of the first of them.");
 
     m.def("sample_radiance", &replay_sample, "scene"_a, "seed"_a, "x"_a, "y"_a, "sample"_a,
           "Radiance (r, g, b) of one sample of one pixel; x and y count over the whole film.");

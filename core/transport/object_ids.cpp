@@ -88,10 +88,10 @@ public:
         : looker_(looker), counted_(counted), tallies_(counted.size()) {}
 
     void count(SequenceKind sequence, std::uint32_t seed, std::uint32_t x, std::uint32_t y,
-               std::uint32_t samples) {
+               SampleRange samples) {
         const Scene &scene = looker_.scene();
         std::array<Sampler, lanes> samplers;
-        for (std::uint32_t first = 0; first < samples; first += lanes) {
+        for (std::uint32_t first = samples.first; first < samples.end; first += lanes) {
             for (std::uint32_t k = 0; k < lanes; ++k) samplers[k] = Sampler(sequence, seed, x, y, first + k);
             const auto sampler = [&](int k) -> const Sampler & {
                 return samplers[static_cast<std::size_t>(k)];
@@ -99,7 +99,7 @@ public:
             const auto film = sample_film(scene, Sampler::cameras(sampler), WideFloat(static_cast<float>(x)),
                                           WideFloat(static_cast<float>(y)));
             const WideBool active =
-                first_lanes(static_cast<int>(std::min<std::uint32_t>(samples - first, lanes)));
+                first_lanes(static_cast<int>(std::min<std::uint32_t>(samples.end - first, lanes)));
             const RayHits hits = looker_.tracer().closest(film.camera.ray, active);
             for_each_lane(active, [&](int k) {
                 const auto found = hits.shape[k] < 0 ? std::nullopt : std::optional(hits[k]);
@@ -147,7 +147,7 @@ std::vector<ObjectIds> ids_at_centres(const Scene &scene, const Integrator &pict
         camera.u_event = 0.5f; // one number decides about all surfaces: the median
         return camera;
     };
-    for_each_tile(tiles_of(film.crop_width, film.crop_height), threads, [&](std::size_t, const Tile &tile) {
+    for_each_tile(tiles_of(film), threads, [&](std::size_t, const Tile &tile) {
         Looker looker(scene, picture);
         for_each_pixel(tile, [&](int x, int y) {
             const CameraRay<float> camera = camera_at(x, y);
@@ -160,24 +160,25 @@ std::vector<ObjectIds> ids_at_centres(const Scene &scene, const Integrator &pict
 
 std::vector<RankedObjects> object_coverage(const Scene &scene, const Integrator &picture,
                                            std::span<const CountedObjects> counted, SequenceKind sequence,
-                                           std::uint32_t seed, std::uint32_t count, std::size_t ranks,
-                                           Rows rows, int threads) {
+                                           std::uint32_t seed, SampleRange samples, std::size_t ranks,
+                                           RowRange rows, int threads) {
     const Film &film = scene.film();
     const auto width = static_cast<std::size_t>(film.crop_width);
     const std::size_t size = ranks * width * static_cast<std::size_t>(rows.end - rows.first);
     std::vector<RankedObjects> result(counted.size(),
                                       {std::vector<std::int32_t>(size), std::vector<float>(size)});
-    const auto tiles = tiles_of(film.crop_width, rows.end, rows.first);
+    const auto tiles = tiles_of(film, rows.first, rows.end);
     for_each_tile(tiles, threads, [&](std::size_t, const Tile &tile) {
         Looker looker(scene, picture);
         PixelCounter counter(looker, counted);
         for_each_pixel(tile, [&](int x, int y) {
             counter.count(sequence, seed, static_cast<std::uint32_t>(x + film.crop_offset_x),
-                          static_cast<std::uint32_t>(y + film.crop_offset_y), count);
+                          static_cast<std::uint32_t>(y + film.crop_offset_y), samples);
             const std::size_t at =
                 ranks * (static_cast<std::size_t>(y - rows.first) * width + static_cast<std::size_t>(x));
             for (std::size_t i = 0; i < counted.size(); ++i)
-                counter.tally(i).take(count, std::span(result[i].numbers).subspan(at, ranks),
+                counter.tally(i).take(samples.end - samples.first,
+                                      std::span(result[i].numbers).subspan(at, ranks),
                                       std::span(result[i].coverage).subspan(at, ranks));
         });
     });

@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "transport/channels.h"
+#include "transport/render.h"
 
 namespace lajolla {
 
@@ -28,7 +28,7 @@ struct ObjectIds {
 };
 
 // Rows of the crop window.
-struct Rows {
+struct RowRange {
     int first, end;
 };
 
@@ -50,10 +50,10 @@ struct RankedObjects {
     std::vector<float> coverage;
 };
 
-// Counts what the camera rays of samples 0 ... count - 1 see, as the picture's alpha does, but for media.
+// Counts what the camera rays of samples see, as the picture's alpha does, but for media.
 std::vector<RankedObjects> object_coverage(const Scene &scene, const Integrator &picture,
                                            std::span<const CountedObjects> counted, SequenceKind sequence,
-                                           std::uint32_t seed, std::uint32_t count, std::size_t ranks,
-                                           Rows rows, int threads);
+                                           std::uint32_t seed, SampleRange samples, std::size_t ranks,
+                                           RowRange rows, int threads);
 
 } // namespace lajolla

@@ -16,12 +16,19 @@ FilmSample<float> film_sample(const Scene &scene, const Sampler &sampler, const 
     return sample_film(scene, sampler.camera(), static_cast<float>(id.x), static_cast<float>(id.y));
 }
 
-// Takes the samples of one tile, pixel by pixel, and adds them to the sums.
+// Adds the samples of one tile to its sums.
 class TileAccumulator {
 public:
-    TileAccumulator(const Scene &scene, const Output &output, std::span<double> sums, Tracer &tracer,
+    TileAccumulator(const Scene &scene, const Output &output, const Tile &tile, Tracer &tracer,
                     Report &report)
-        : scene_(scene), output_(output), recorder_(output), sums_(sums), tracer_(tracer), report_(report) {}
+        : scene_(scene), recorder_(output), tracer_(tracer), report_(report),
+          channels_(output.channel_count()),
+          left_(static_cast<std::uint32_t>(scene.film().crop_offset_x + tile.x0)),
+          top_(static_cast<std::uint32_t>(scene.film().crop_offset_y + tile.y0)),
+          width_(static_cast<std::size_t>(tile.x1 - tile.x0)),
+          sums_(channels_ * width_ * static_cast<std::size_t>(tile.y1 - tile.y0)) {}
+
+    const Sums &sums() const { return sums_; }
 
     // `value` is what the picture's integrator found; the channels beside it are recorded here.
     void add(const SampleId &id, const Sampler &sampler, PrimaryRay &primary, const Spectrum &value,
@@ -36,48 +43,51 @@ public:
                 report_.nonfinite_samples.push_back(id);
             return;
         }
-        const Film &film = scene_.film();
-        const std::size_t x = id.x - static_cast<std::uint32_t>(film.crop_offset_x),
-                          y = id.y - static_cast<std::uint32_t>(film.crop_offset_y);
-        double *sum = &sums_[output_.channel_count() * (y * static_cast<std::size_t>(film.crop_width) + x)];
-        sum[0] += value.x * weight, sum[1] += value.y * weight, sum[2] += value.z * weight;
-        for (std::size_t c = 0; c < rest.size(); ++c) sum[3 + c] += rest[c] * weight;
+        const std::size_t first = channels_ * ((id.y - top_) * width_ + (id.x - left_));
+        sums_.add(first, value.x * weight);
+        sums_.add(first + 1, value.y * weight);
+        sums_.add(first + 2, value.z * weight);
+        for (std::size_t c = 0; c < rest.size(); ++c) sums_.add(first + 3 + c, rest[c] * weight);
     }
 
 private:
     const Scene &scene_;
-    const Output &output_;
     ChannelRecorder recorder_;
-    std::span<double> sums_;
     Tracer &tracer_;
     Report &report_;
+    std::size_t channels_;
+    std::uint32_t left_, top_;
+    std::size_t width_;
+    Sums sums_;
 };
 
 // The samples of a tile in order: all of a pixel, then those of the next.
 class TileSamples {
 public:
-    TileSamples(const Film &film, const Tile &tile, const Job &job)
-        : left_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x0)),
-          right_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x1)), first_(job.first),
-          end_(job.first + job.count), count_(static_cast<std::uint64_t>(tile.x1 - tile.x0) *
-                                              static_cast<std::uint64_t>(tile.y1 - tile.y0) * job.count),
-          next_{left_, static_cast<std::uint32_t>(film.crop_offset_y + tile.y0), job.first} {}
+    TileSamples(const Film &film, const Tile &tile, const std::array<SampleRange, 2> &halves)
+        : halves_(halves), left_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x0)),
+          right_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x1)),
+          count_(sample_count(film, tile, halves)),
+          next_{left_, static_cast<std::uint32_t>(film.crop_offset_y + tile.y0), 0} {
+        next_.index = range().first;
+    }
 
     std::uint64_t left() const { return count_; }
     SampleId take() {
-        const SampleId result = next_;
-        --count_;
-        if (++next_.index == end_) {
-            next_.index = first_;
+        while (next_.index == range().end) {
             if (++next_.x == right_) next_.x = left_, ++next_.y;
+            next_.index = range().first;
         }
+        const SampleId result = next_;
+        --count_, ++next_.index;
         return result;
     }
-    // Whether the sample after which take() was called last is the last of its pixel.
-    bool pixel_is_done() const { return next_.index == first_; }
 
 private:
-    std::uint32_t left_, right_, first_, end_;
+    const SampleRange &range() const { return halves_[half_of(next_.x, next_.y)]; }
+
+    const std::array<SampleRange, 2> &halves_;
+    std::uint32_t left_, right_;
     std::uint64_t count_;
     SampleId next_;
 };
@@ -93,7 +103,7 @@ void render_one_by_one(const Scene &scene, const Model &integrator, TileSamples 
         const auto [camera, weight] = film_sample(scene, sampler, id);
         PrimaryRay primary(scene, tracer, camera);
         sums.add(id, sampler, primary, integrator.radiance(scene, tracer, sampler, primary), weight);
-        if (samples.pixel_is_done()) progress.pixels.fetch_add(1, std::memory_order_relaxed);
+        progress.samples.fetch_add(1, std::memory_order_relaxed);
     }
 }
 
@@ -107,11 +117,7 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
         if (progress.cancelled.load(std::memory_order_relaxed)) return;
         const auto count =
             static_cast<std::size_t>(std::min<std::uint64_t>(samples.left(), Wavefront::capacity));
-        std::uint64_t pixels = 0;
-        for (std::size_t i = 0; i < count; ++i) {
-            ids[i] = samples.take();
-            pixels += samples.pixel_is_done();
-        }
+        for (std::size_t i = 0; i < count; ++i) ids[i] = samples.take();
         wavefront.render(std::span(ids).first(count), job.sequence, job.seed, tracer, radiance, weights);
         for (std::size_t i = 0; i < count; ++i) {
             if (output.channels.empty()) {
@@ -123,38 +129,42 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
             PrimaryRay primary(scene, tracer, camera);
             sums.add(ids[i], sampler, primary, radiance[i], weights[i]);
         }
-        progress.pixels.fetch_add(pixels, std::memory_order_relaxed);
+        progress.samples.fetch_add(count, std::memory_order_relaxed);
     }
 }
 
-// Renders all tiles; their rays go to `recording` where there is one.
-std::vector<Report> render_tiles(const Scene &scene, const Output &output, const Job &job,
-                                 std::span<double> sums, Progress &progress, Recording *recording) {
-    const auto tiles = tiles_of(scene.film().crop_width, scene.film().crop_height);
+// Renders all tiles; their rays go to `recording` if there is one.
+std::vector<Report> render_tiles(const Scene &scene, const Output &output, const Job &job, Progress &progress,
+                                 const TileDone &done, Recording *recording) {
+    const auto tiles = tiles_of(scene.film());
     std::vector<Report> reports(tiles.size());
     if (recording) recording->resize(tiles.size());
-    const auto tile_with = [&](std::size_t i, auto &&render) {
-        Tracer tracer(scene.accel(), recording ? &(*recording)[i] : nullptr);
-        TileAccumulator accumulator(scene, output, sums, tracer, reports[i]);
-        render(TileSamples(scene.film(), tiles[i], job), tracer, accumulator);
-        reports[i].rays = tracer.rays();
+    const auto for_each = [&](auto &&render) {
+        for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &tile) {
+            TileSamples samples(scene.film(), tile, job.ranges[i]);
+            if (samples.left() == 0) return;
+            Report report;
+            Tracer tracer(scene.accel(), recording ? &(*recording)[i] : nullptr);
+            TileAccumulator accumulator(scene, output, tile, tracer, report);
+            render(samples, tracer, accumulator);
+            if (samples.left() > 0) return; // cancelled
+            report.rays = tracer.rays();
+            reports[i] = report;
+            done(i, tile, accumulator.sums());
+        });
     };
     match(output.integrator, [&](const auto &model) {
         if constexpr (std::is_base_of_v<Path, std::decay_t<decltype(model)>>)
             if (!job.one_lane && model.is_vacuum(scene)) {
                 tbb::enumerable_thread_specific<Wavefront> wavefronts(
                     [&] { return Wavefront(scene, model); });
-                return for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &) {
-                    tile_with(i, [&](TileSamples samples, Tracer &tracer, TileAccumulator &accumulator) {
-                        render_in_lanes(scene, wavefronts.local(), output, samples, job, progress, tracer,
-                                        accumulator);
-                    });
+                return for_each([&](TileSamples &samples, Tracer &tracer, TileAccumulator &accumulator) {
+                    render_in_lanes(scene, wavefronts.local(), output, samples, job, progress, tracer,
+                                    accumulator);
                 });
             }
-        for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &) {
-            tile_with(i, [&](TileSamples samples, Tracer &tracer, TileAccumulator &accumulator) {
-                render_one_by_one(scene, model, samples, job, progress, tracer, accumulator);
-            });
+        for_each([&](TileSamples &samples, Tracer &tracer, TileAccumulator &accumulator) {
+            render_one_by_one(scene, model, samples, job, progress, tracer, accumulator);
         });
     });
     return reports;
@@ -174,6 +184,28 @@ Report merged(const std::vector<Report> &reports) {
 
 } // namespace
 
+std::vector<Tile> tiles_of(const Film &film) { return tiles_of(film, 0, film.crop_height); }
+
+std::vector<Tile> tiles_of(const Film &film, int first_row, int end_row) {
+    std::vector<Tile> tiles;
+    for (int y = first_row; y < end_row; y += tile_size)
+        for (int x = 0; x < film.crop_width; x += tile_size)
+            tiles.push_back(
+                {x, y, std::min(x + tile_size, film.crop_width), std::min(y + tile_size, end_row)});
+    return tiles;
+}
+
+std::uint64_t sample_count(const Film &film, const Tile &tile, const std::array<SampleRange, 2> &halves) {
+    std::uint64_t result = 0;
+    for (int y = tile.y0; y < tile.y1; ++y)
+        for (int x = tile.x0; x < tile.x1; ++x) {
+            const SampleRange &range = halves[half_of(static_cast<std::uint32_t>(film.crop_offset_x + x),
+                                                      static_cast<std::uint32_t>(film.crop_offset_y + y))];
+            result += range.end - range.first;
+        }
+    return result;
+}
+
 Spectrum sample_radiance(const Scene &scene, const Integrator &integrator, SequenceKind sequence,
                          std::uint32_t seed, SampleId id, Tracer &tracer) {
     const FlushToZero guard;
@@ -184,19 +216,16 @@ Spectrum sample_radiance(const Scene &scene, const Integrator &integrator, Seque
                           [&](const auto &model) { return model.radiance(scene, tracer, sampler, primary); });
 }
 
-std::optional<Report> render(const Scene &scene, const Output &output, const Job &job, std::span<double> sums,
-                             Progress &progress) {
-    const auto reports = render_tiles(scene, output, job, sums, progress, nullptr);
-    if (progress.cancelled) return std::nullopt;
-    return merged(reports);
+Report render(const Scene &scene, const Output &output, const Job &job, Progress &progress,
+              const TileDone &done) {
+    return merged(render_tiles(scene, output, job, progress, done, nullptr));
 }
 
 Recording record(const Scene &scene, const Output &output, const Job &job) {
-    std::vector<double> sums(output.channel_count() * static_cast<std::size_t>(scene.film().crop_width) *
-                             static_cast<std::size_t>(scene.film().crop_height));
     Progress progress;
     Recording recording;
-    render_tiles(scene, output, job, sums, progress, &recording);
+    render_tiles(
+        scene, output, job, progress, [](std::size_t, const Tile &, const Sums &) {}, &recording);
     return recording;
 }
 

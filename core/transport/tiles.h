@@ -1,7 +1,6 @@
 #pragma once
-// Tiles of the picture, and the loop over them on many threads.
+// The loop over tiles on many threads.
 
-#include <algorithm>
 #include <vector>
 
 #include <tbb/global_control.h>
@@ -12,9 +11,9 @@
 #include <immintrin.h>
 #endif
 
-namespace lajolla {
+#include "transport/render.h"
 
-inline constexpr int tile_size = 16;
+namespace lajolla {
 
 // Denormal numbers cost hundreds of cycles and no picture shows them.
 class FlushToZero {
@@ -29,19 +28,6 @@ private:
     unsigned saved_;
 #endif
 };
-
-struct Tile {
-    int x0, y0, x1, y1; // within the crop window
-};
-
-// The tiles of rows `first` to `end` - 1.
-inline std::vector<Tile> tiles_of(int width, int end, int first = 0) {
-    std::vector<Tile> tiles;
-    for (int y = first; y < end; y += tile_size)
-        for (int x = 0; x < width; x += tile_size)
-            tiles.push_back({x, y, std::min(x + tile_size, width), std::min(y + tile_size, end)});
-    return tiles;
-}
 
 // Calls f(tile index, tile) for all tiles on the given number of threads.
 template <class F>

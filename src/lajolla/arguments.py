@@ -2,6 +2,7 @@
 
 import argparse
 import difflib
+import math
 import re
 import shlex
 from collections.abc import Callable, Sequence
@@ -289,7 +290,29 @@ def _add_render(parser: Parser) -> None:
         choices=("gamma", "reinhard"),
         help="tone mapping instead of the film's: exposure only, or Reinhard et al. 2002",
     )
+    group = parser.add_argument_group(
+        "end (at the first of --spp, --time and --noise; default: the scene's spp)"
+    )
+    group.add_argument("--time", type=_seconds, metavar="90s|5m|1h", help="time for rendering")
+    group.add_argument(
+        "--noise",
+        type=_noise,
+        metavar="X",
+        help="relative error of the picture, as estimated from its samples: 0.01 is hardly visible",
+    )
+    group.add_argument(
+        "--adaptive",
+        action=argparse.BooleanOptionalAction,
+        help="take more samples where the error is larger; --spp is then a mean (default: with --noise)",
+    )
     group = parser.add_argument_group("run")
+    group.add_argument(
+        "--first-sample",
+        type=_whole("sample"),
+        default=0,
+        metavar="N",
+        help="begin with this sample of each pixel, to render the samples of one picture in parts",
+    )
     group.add_argument(
         "--threads", type=_whole("threads"), metavar="N", help="number of threads (default: all)"
     )
@@ -388,6 +411,28 @@ def _aovs(text: str) -> tuple[str, ...]:
 
 def _pixel(text: str) -> tuple[int, ...]:
     return _numbers("pixel", text, ",", "X,Y, such as 10,20")
+
+
+SECONDS = {"": 1, "s": 1, "m": 60, "min": 60, "h": 3600, "d": 86400}
+
+
+def _seconds(text: str) -> float:
+    found = re.fullmatch(r"(\d+(?:\.\d*)?|\.\d+)\s*([a-z]*)", text.strip().lower())
+    if found is None or found[2] not in SECONDS or not float(found[1]) > 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a time, such as 90s, 5m or 1.5h")
+    return float(found[1]) * SECONDS[found[2]]
+
+
+def _noise(text: str) -> float:
+    try:
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < 1:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a relative error between 0 and 1, such as 0.01 or 1%"
+        )
+    return value
 
 
 def _finite(text: str) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
 import os
 import resource
 import sys
@@ -163,7 +164,14 @@ def command_render(arguments: argparse.Namespace) -> int:
     if has_more and not any(output.holds_channels for output in outputs):
         *some, last = lajolla.picture_formats.HOLD_CHANNELS
         say(f"warning: only {', '.join(some)} and {last} files hold all channels")
-    rendering = scene.rendering(threads=arguments.threads)
+    rendering = scene.rendering(
+        spp=arguments.spp,
+        seconds=arguments.time,
+        noise=arguments.noise,
+        adaptive=arguments.adaptive,
+        threads=arguments.threads,
+        first_sample=arguments.first_sample,
+    )
     patience = Patience("the picture")
     with handled_by(patience):
         with (
@@ -176,9 +184,7 @@ def command_render(arguments: argparse.Namespace) -> int:
         patience.save(_save, outputs, scene, rendering, arguments)
         names = ", ".join(str(output) for output in outputs)
         if patience.interrupt is not None:
-            lost = f"; {rendering.lost} more, of the running pass, are lost" if rendering.lost else ""
-            done = f"{rendering.samples} of {rendering.spp} samples per pixel"
-            say(f"interrupted; wrote {names} with {done}{lost}")
+            say(f"interrupted; wrote {names} ({_summary(scene, rendering)})")
             return patience.interrupt.exit_code
         if not arguments.quiet:
             say(f"wrote {names} ({_summary(scene, rendering)})")
@@ -221,8 +227,13 @@ def _render_each_sensor(arguments: argparse.Namespace) -> int:
 
 def _summary(scene: lajolla.Scene, rendering: lajolla.Rendering) -> str:
     stats = lajolla.outputs.statistics(scene, rendering)
+    missing = f" of {rendering.rules.spp}" if rendering.samples < (rendering.rules.spp or 0) else ""
+    samples = f"{rendering.samples:.4g}{missing} samples per pixel"
+    if stats["fewest_samples"] < stats["most_samples"]:
+        samples += f" ({stats['fewest_samples']} to {stats['most_samples']})"
+    noise = f"noise {rendering.noise:.2g}, " if math.isfinite(rendering.noise) else ""
     return (
-        f"{rendering.samples} samples per pixel in {rendering.seconds:.1f} s, "
+        f"{samples} in {rendering.seconds:.1f} s, {noise}"
         f"{rate(stats['samples_per_second'], 'samples')}, {rate(stats['rays_per_second'], 'rays')}"
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import io
+import math
 import os
 import re
 import sys
@@ -147,7 +148,12 @@ def size_in_memory(count: float) -> str:
 def description(progress: Progress, pixels: int) -> str:
     """Rate and time left."""
     speed = rate(progress.samples * pixels / max(progress.seconds, 1e-9), "samples")
-    return f"{progress.samples:.0f}/{progress.spp} spp, {speed}, {duration(progress.seconds_left)} left"
+    samples = f"{progress.samples:.0f}"
+    if progress.rules.spp is not None:
+        samples += f"/{progress.rules.spp}"
+    noise = f"noise {progress.noise:.2g}, " if math.isfinite(progress.noise) else ""
+    left = f", {duration(progress.seconds_left)} left" if math.isfinite(progress.seconds_left) else ""
+    return f"{samples} spp, {noise}{speed}{left}"
 
 
 @contextmanager

@@ -128,9 +128,11 @@ def _rotated(bits: int, by: int) -> int:
     return (bits << by | bits >> (32 - by)) & 0xFFFFFFFF
 
 
-def variance_of_mean(mean: FloatImage, mean_square: FloatImage, samples: int) -> FloatImage:
-    """The unbiased estimate from the means of samples and of their squares; infinite for one sample."""
-    if samples < 2:
-        return np.full_like(mean, np.inf)
+def variance_of_mean(mean: FloatImage, mean_square: FloatImage, counts: NDArray[np.uint32]) -> FloatImage:
+    """The unbiased estimate from the means of samples and of their squares; infinite for one sample.
+
+    All arrays have the same shape; `counts` has the numbers of samples.
+    """
     difference = mean_square.astype(np.float64) - mean.astype(np.float64) ** 2
-    return (np.maximum(difference, 0) / (samples - 1)).astype(np.float32)
+    variance = np.maximum(difference, 0) / np.maximum(counts.astype(np.float64) - 1, 1)
+    return np.where(counts > 1, variance, np.inf).astype(np.float32)

@@ -1,5 +1,6 @@
 """Loads scenes from files or dicts."""
 
+import math
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -12,11 +13,11 @@ from numpy.typing import NDArray
 from lajolla import _core
 from lajolla.aovs import ALPHA, VARIANCE, needs_names
 from lajolla.image import Image
-from lajolla.limits import OptionError, check
+from lajolla.limits import MOST_SAMPLES, OptionError, check
 from lajolla.messages import names_checked, suggestion, warn
 from lajolla.objects import ObjectLayers
 from lajolla.options import Options, apply_options
-from lajolla.render import Progress, Rendering, available_threads
+from lajolla.render import Progress, Rendering, StopRules, available_threads
 from lajolla.scene import (
     Description,
     SceneFile,
@@ -61,39 +62,80 @@ class Scene:
 
     @names_checked
     def rendering(
-        self, *, spp: int | None = None, seed: int | None = None, threads: int | None = None
+        self,
+        *,
+        spp: int | None = None,
+        seconds: float | None = None,
+        noise: float | None = None,
+        adaptive: bool | None = None,
+        seed: int | None = None,
+        threads: int | None = None,
+        first_sample: int = 0,
     ) -> Rendering:
-        """A Rendering to run step by step; see `render`."""
-        for name, value in (("spp", spp), ("seed", seed), ("threads", threads)):
+        """A Rendering to run step by step; see `render`.
+
+        Args:
+            first_sample: index of the first sample of each pixel, in its sequence of samples. Renders of
+                different ranges of samples can be merged.
+        """
+        numbers = (("spp", spp), ("seed", seed), ("threads", threads), ("sample", first_sample))
+        for name, value in numbers:
             check(name, value)
-        spp = self.core.sample_count if spp is None else spp
+        if spp is None and seconds is None and noise is None:
+            spp = self.core.sample_count
+        if spp is not None and first_sample + spp > MOST_SAMPLES:
+            raise OptionError(f"sample {first_sample + spp - 1} is beyond the last, {MOST_SAMPLES - 1}")
+        rules = StopRules(
+            spp=spp,
+            seconds=math.inf if seconds is None else seconds,
+            noise=0.0 if noise is None else noise,
+            adaptive=noise is not None if adaptive is None else adaptive,
+        )
         seed = self.core.seed if seed is None else seed
         threads = available_threads() if threads is None else threads
-        if spp < 2 and VARIANCE in self.aovs:
+        if spp is not None and spp < 2 and VARIANCE in self.aovs:
             raise OptionError("the aov 'variance' needs at least two samples per pixel")
-        layers = ObjectLayers(self.core, self.aovs, self.names, seed, threads)
-        return Rendering(self.core, spp=spp, seed=seed, threads=threads, film=self.film, layers=layers)
+        return Rendering(
+            self.core,
+            rules=rules,
+            seed=seed,
+            threads=threads,
+            film=self.film,
+            first_sample=first_sample,
+            layers=ObjectLayers(self.core, self.aovs, self.names, seed, first_sample, threads),
+        )
 
     @names_checked
     def render(
         self,
         *,
         spp: int | None = None,
+        seconds: float | None = None,
+        noise: float | None = None,
+        adaptive: bool | None = None,
         seed: int | None = None,
         threads: int | None = None,
         observe: Callable[[Progress], None] = lambda progress: None,
     ) -> Image:
-        """Renders the picture; the same scene, spp and seed give the same picture, bit for bit.
+        """Renders the picture, until the first of spp, seconds and noise is reached.
 
-        An exception, such as KeyboardInterrupt, loses the picture; a `rendering` keeps its finished passes.
+        The same scene, seed, spp, noise and adaptive give the same picture, bit for bit. An exception, such
+        as KeyboardInterrupt, loses the picture; a `rendering` keeps its finished tiles.
 
         Args:
-            spp: samples per pixel; default: the scene's own number.
+            spp: samples per pixel, or their mean if adaptive; default: the scene's own number, if neither
+                seconds nor noise are given.
+            seconds: time for rendering.
+            noise: relative error of the picture to be reached, as estimated from its samples: the root of the
+                mean of squared errors divided by v^2 + m^2 / 100, of values v and their mean m.
+            adaptive: whether to take more samples where the error is larger; default: if noise is given.
             seed: seed of the sampler; default: the scene's own seed.
             threads: number of threads; default: as many as this process may use.
             observe: called with the progress about ten times a second.
         """
-        rendering = self.rendering(spp=spp, seed=seed, threads=threads)
+        rendering = self.rendering(
+            spp=spp, seconds=seconds, noise=noise, adaptive=adaptive, seed=seed, threads=threads
+        )
         rendering.run(observe)
         return rendering.image()
 

@@ -25,11 +25,12 @@ class ObjectLayers:
     aovs: Sequence[str]
     names: Names | None  # None if no aov needs them
     seed: int
+    first_sample: int
     threads: int
     _counted: tuple[int, Mapping[str, Layer]] = (0, NO_LAYERS)
 
     def layers(self, samples: int) -> dict[str, Layer]:
-        """The layers after so many samples per pixel."""
+        """The layers after so many samples of the pixel that has most."""
         numbered = {}
         if self.names is not None and needs_names(self.aovs):
             kinds = dict.fromkeys(AOVS[aov].kind for aov in self.aovs if AOVS[aov].kind)
@@ -73,7 +74,15 @@ class ObjectLayers:
         rows = max(1, BAND // (width * samples * 16)) * 16
         bands = [
             _core.object_coverage(
-                self.core, kinds, self.seed, samples, RANKS, first, min(first + rows, height), self.threads
+                self.core,
+                kinds,
+                self.seed,
+                self.first_sample,
+                samples,
+                RANKS,
+                first,
+                min(first + rows, height),
+                self.threads,
             )
             for first in range(0, height, rows)
         ]

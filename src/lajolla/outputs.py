@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import resource
 import sys
 import warnings
@@ -114,14 +115,18 @@ def write_pictures(outputs: Sequence[Output], picture: Image, arguments: argpars
 
 
 def statistics(scene: Scene, rendering: Rendering) -> dict[str, Any]:
-    """What --stats writes; `samples` counts camera paths, in all pixels together."""
-    samples = rendering.samples * scene.width * scene.height
+    """What --stats writes (docs/json.md)."""
+    counts = rendering.accumulator.pixel_counts()
+    samples = int(counts.sum(dtype=int))
     seconds = max(rendering.seconds, 1e-9)
     unit = 1 if sys.platform == "darwin" else 1024  # of ru_maxrss
     return {
         "width": scene.width,
         "height": scene.height,
         "samples_per_pixel": rendering.samples,
+        "fewest_samples": int(counts.min()),
+        "most_samples": int(counts.max()),
+        "noise": rendering.noise if math.isfinite(rendering.noise) else None,
         "threads": rendering.threads,
         "load_seconds": scene.load_seconds,
         "build_seconds": scene.build_seconds,
