@@ -30,10 +30,11 @@ public:
 
     const Sums &sums() const { return sums_; }
 
-    // `value` is what the picture's integrator found; the channels beside it are recorded here.
+    // `value` is what the picture's integrator found, and `groups` the same by light groups; the channels
+    // beside it are recorded here.
     void add(const SampleId &id, const Sampler &sampler, PrimaryRay &primary, const Spectrum &value,
-             float weight) {
-        add(id, value, weight, recorder_.record(scene_, sampler, primary, value, weight, tracer_));
+             std::span<const Spectrum> groups, float weight) {
+        add(id, value, weight, recorder_.record(scene_, sampler, primary, value, groups, weight, tracer_));
     }
     void add(const SampleId &id, const Spectrum &value, float weight, std::span<const float> rest = {}) {
         if (!is_finite(value) || !std::ranges::all_of(rest, [](float v) { return std::isfinite(v); }))
@@ -92,17 +93,31 @@ private:
     SampleId next_;
 };
 
+// For the radiance of one sample by light groups; empty if no channel needs it.
+std::vector<Spectrum> group_sums(const Scene &scene, const Output &output) {
+    return std::vector<Spectrum>(output.has_light_groups() ? scene.light_group_count() : 0);
+}
+
 // Depth first, one path after the other. Stops where the job is cancelled.
 template <class Model>
-void render_one_by_one(const Scene &scene, const Model &integrator, TileSamples &samples, const Job &job,
-                       Progress &progress, Tracer &tracer, TileAccumulator &sums) {
+void render_one_by_one(const Scene &scene, const Model &integrator, const Output &output,
+                       TileSamples &samples, const Job &job, Progress &progress, Tracer &tracer,
+                       TileAccumulator &sums) {
+    std::vector<Spectrum> groups = group_sums(scene, output);
     while (samples.left() > 0) {
         if (progress.cancelled.load(std::memory_order_relaxed)) return;
         const SampleId id = samples.take();
         const Sampler sampler(job.sequence, job.seed, id.x, id.y, id.index);
         const auto [camera, weight] = film_sample(scene, sampler, id);
         PrimaryRay primary(scene, tracer, camera);
-        sums.add(id, sampler, primary, integrator.radiance(scene, tracer, sampler, primary), weight);
+        std::ranges::fill(groups, Spectrum(0));
+        const LightGroups by_group(scene, groups);
+        const auto radiance = [&] {
+            if constexpr (requires { integrator.radiance(scene, tracer, sampler, primary, by_group); })
+                return integrator.radiance(scene, tracer, sampler, primary, by_group);
+            else return integrator.radiance(scene, tracer, sampler, primary);
+        };
+        sums.add(id, sampler, primary, radiance(), groups, weight);
         progress.samples.fetch_add(1, std::memory_order_relaxed);
     }
 }
@@ -113,12 +128,15 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
     std::array<SampleId, Wavefront::capacity> ids;
     std::array<Spectrum, Wavefront::capacity> radiance;
     std::array<float, Wavefront::capacity> weights;
+    const std::size_t group_count = group_sums(scene, output).size();
+    std::vector<Spectrum> groups(group_count * Wavefront::capacity);
     while (samples.left() > 0) {
         if (progress.cancelled.load(std::memory_order_relaxed)) return;
         const auto count =
             static_cast<std::size_t>(std::min<std::uint64_t>(samples.left(), Wavefront::capacity));
         for (std::size_t i = 0; i < count; ++i) ids[i] = samples.take();
-        wavefront.render(std::span(ids).first(count), job.sequence, job.seed, tracer, radiance, weights);
+        wavefront.render(std::span(ids).first(count), job.sequence, job.seed, tracer, radiance, weights,
+                         groups);
         for (std::size_t i = 0; i < count; ++i) {
             if (output.channels.empty()) {
                 sums.add(ids[i], radiance[i], weights[i]);
@@ -127,7 +145,8 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
             const Sampler sampler(job.sequence, job.seed, ids[i].x, ids[i].y, ids[i].index);
             const CameraRay<float> camera = film_sample(scene, sampler, ids[i]).camera;
             PrimaryRay primary(scene, tracer, camera);
-            sums.add(ids[i], sampler, primary, radiance[i], weights[i]);
+            sums.add(ids[i], sampler, primary, radiance[i],
+                     std::span(groups).subspan(group_count * i, group_count), weights[i]);
         }
         progress.samples.fetch_add(count, std::memory_order_relaxed);
     }
@@ -164,7 +183,7 @@ std::vector<Report> render_tiles(const Scene &scene, const Output &output, const
                 });
             }
         for_each([&](TileSamples &samples, Tracer &tracer, TileAccumulator &accumulator) {
-            render_one_by_one(scene, model, samples, job, progress, tracer, accumulator);
+            render_one_by_one(scene, model, output, samples, job, progress, tracer, accumulator);
         });
     });
     return reports;

@@ -48,6 +48,7 @@ AOVS: dict[str, Variable] = {
     "mean_curvature": Variable("mean curvature of the smooth surface", "mean_curvature", "C"),
     "alpha": Variable("alpha channel of the picture"),
     "variance": Variable("variance of the pixel's mean, for red, green and blue"),
+    "lightgroups": Variable("light by the lightgroup of emitters: a layer for each, and one for the rest"),
     "shape": Variable("number of the shape at the pixel's centre, from 1; 0 for none", kind="shape"),
     "material": Variable("number of its material, from 1; 0 for none", kind="material"),
     "instance": Variable("number of the instance that it is in, from 1; 0 for none", kind="instance"),
@@ -56,7 +57,8 @@ AOVS: dict[str, Variable] = {
     "crypto_material": Variable("Cryptomatte of the materials", kind="material"),
     "crypto_instance": Variable("Cryptomatte of the instances", kind="instance"),
 }
-ALPHA, VARIANCE, PRIMITIVE = "alpha", "variance", "primitive"
+ALPHA, VARIANCE, LIGHTGROUPS, PRIMITIVE = "alpha", "variance", "lightgroups", "primitive"
+WITH_GROUPS = ("path", "volpath", "direct")  # integrators that know which light they see
 IDS = ("shape", "material", "instance", PRIMITIVE)
 
 
@@ -85,8 +87,13 @@ def object_channels(aovs: Sequence[str]) -> int:
     return sum(2 * RANKS if is_matte(aov) else aov in IDS for aov in aovs)
 
 
-def with_aovs(core: Mapping[str, Any], aovs: Sequence[str]) -> dict[str, Any]:
-    """A description that also renders these variables. Raises OptionError if the scene has such channels."""
+def with_aovs(
+    core: Mapping[str, Any], aovs: Sequence[str], light_groups: Sequence[str] = ()
+) -> dict[str, Any]:
+    """A description that also renders these variables.
+
+    Raises OptionError if the scene has such channels, or has no light groups (or its integrator does not).
+    """
     others, channels = list(core.get("other_integrators", ())), list(core.get("channels", ()))
     through_lights = core["integrator"].get("hide_emitters", False)
     for aov in aovs:
@@ -95,6 +102,10 @@ def with_aovs(core: Mapping[str, Any], aovs: Sequence[str]) -> dict[str, Any]:
             channels.insert(0, {"label": "A", "recorded": "alpha"})
         elif aov == VARIANCE:
             channels += _components(aov, "RGB", source=0, squared=True, weighted=True)
+        elif aov == LIGHTGROUPS:
+            _check_groups(core, light_groups)
+            for number, name in enumerate(("rest", *light_groups)):
+                channels += _components(f"lightgroup_{name}", "RGB", source=0, light_group=number)
         elif variable.field:
             entry = {"type": "field", "field": variable.field, "see_through": True}
             others.append(entry | {"through_lights": through_lights})
@@ -104,6 +115,13 @@ def with_aovs(core: Mapping[str, Any], aovs: Sequence[str]) -> dict[str, Any]:
         if labels.count(label) > 1:
             raise OptionError(f"the scene has a channel {label!r} itself; it cannot be an aov too")
     return {**core, "other_integrators": others, "channels": channels}
+
+
+def _check_groups(core: Mapping[str, Any], light_groups: Sequence[str]) -> None:
+    if not light_groups:
+        raise OptionError("no emitter of the scene has a lightgroup")
+    if core["integrator"]["type"] not in WITH_GROUPS:
+        raise OptionError(f"the integrator {core['integrator']['type']!r} has no light groups")
 
 
 def _components(name: str, letters: str, **values: object) -> list[dict[str, Any]]:

@@ -33,7 +33,7 @@ class Scene:
 
     def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
         start = time.perf_counter()
-        core = apply_options(description.core, options)
+        core = apply_options(description.core, options, description.light_groups)
         try:
             self.core = _core.Scene(core)
         except Exception as problem:

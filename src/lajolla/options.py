@@ -43,7 +43,7 @@ def _check_name(kind: str, name: str | None, known: Callable[[], list[str]]) -> 
         raise OptionError(f"unknown {kind} {name!r}{suggestion(str(name), known())}")
 
 
-def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
+def apply_options(core: dict[str, Any], options: Options, light_groups: Sequence[str] = ()) -> dict[str, Any]:
     """The description with options instead of the scene's own values. Raises OptionError.
 
     `integrator` and `sensor` are ignored here, because they apply when the scene is read.
@@ -62,7 +62,7 @@ def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
     if options.hide_emitters is not None and "other_integrators" in core:
         others = [_hiding(entry, options.hide_emitters) for entry in core["other_integrators"]]
         result["other_integrators"] = others
-    return with_aovs(result, options.aovs) if options.aovs else result
+    return with_aovs(result, options.aovs, light_groups) if options.aovs else result
 
 
 def _with(entry: Mapping[str, Any], **values: object) -> dict[str, Any]:

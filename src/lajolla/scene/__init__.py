@@ -76,6 +76,7 @@ class Description:
     film: Film = field(default_factory=Film)
     sensors: tuple[str, ...] = ()  # the ids, or else numbers, of all that there are
     names: Names | None = None  # of objects, if they were wanted
+    light_groups: tuple[str, ...] = ()  # names of the numbers from 1 on that emitters have as "lightgroup"
 
     def refusal(self, problem: Exception) -> SceneError:
         """The error to raise when the core refuses the description: the core's message at its place.
@@ -294,5 +295,12 @@ def _opened(tree: Tree, builder: Builder) -> Tree:
 def _describe(tree: Tree, builder: Builder) -> Description:
     with Blame(tree.root.location), np.errstate(all="ignore"):
         core = assemble(builder, tree.root)
-    warnings, names = builder.diagnostics.warnings, cameras.names(tree.root)
-    return Description(core, warnings, builder.places, builder.film, names, builder.names)
+    return Description(
+        core,
+        builder.diagnostics.warnings,
+        builder.places,
+        builder.film,
+        cameras.names(tree.root),
+        builder.names,
+        tuple(builder.light_groups),
+    )
