@@ -25,6 +25,7 @@ Scene = dict[str, Any]
 
 SIZE = 8  # pixels on either side: the plane z = 0 from -1 to 1, seen from above
 GREY = {"type": "diffuse"}
+LIGHTS = ("lightgroup_rest", "lightgroup_key")
 
 
 def square(low: float, high: float, z: float, **parts: object) -> Scene:
@@ -43,7 +44,7 @@ def scene_of(shapes: Scene, *, rfilter: str = "box", pixel_format: str = "rgb", 
             "to_world": look_at((0, 0, 5), (0, 0, 0)),  # x points to the right
             "film": {**film, "rfilter": {"type": rfilter}},
         },
-        "light": {"type": "directional", "direction": [0, 0, -1]},
+        "light": {"type": "directional", "direction": [0, 0, -1], "lightgroup": "key"},
         **shapes,
         **parts,
     }
@@ -325,7 +326,7 @@ def test_only_colours_are_stored_in_16_bits(tmp_path: Path) -> None:
     formats, _ = saved(tmp_path / "a.exr", half=True)
     assert {name for name, kind in formats.items() if kind == "half"} == {
         *"RGBA",
-        *(f"albedo.{letter}" for letter in "RGB"),
+        *(f"{layer}.{letter}" for layer in ("albedo", *LIGHTS) for letter in "RGB"),
     }
     assert set(saved(tmp_path / "b.exr")[0].values()) == {"float"}
 
@@ -361,7 +362,7 @@ def test_npz_files_hold_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert list(stored) == list(expected)
     assert all(np.array_equal(stored[name], values) for name, values in expected.items())
     assert stored["rgb"].dtype == stored["alpha"].dtype == np.float32
-    assert set(AOVS) <= set(stored)
+    assert {*AOVS, *LIGHTS} - {"lightgroups"} <= set(stored)
     names = stored["crypto_shape_names"][stored["crypto_shape"][0, 1, 0]]
     assert names == "shape_2"
     image.save("b.npz")
@@ -369,8 +370,8 @@ def test_npz_files_hold_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     exr = saved(tmp_path / "c.exr")[1]
     assert all(np.array_equal(exr[f"{aov}.I"], stored[aov]) for aov in IDS)
     image.save("d.npy")
-    shown = 4 + sum(len(v.letters) for v in AOVS.values()) + 3 + len(IDS) + 12 * sum(map(is_matte, AOVS))
-    assert np.load("d.npy").shape == (SIZE, SIZE, shown)
+    means = 4 + sum(len(v.letters) for v in AOVS.values()) + 3 * len(("variance", *LIGHTS))
+    assert np.load("d.npy").shape == (SIZE, SIZE, means + len(IDS) + 12 * sum(map(is_matte, AOVS)))
 
 
 def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:  # noqa: ANN401

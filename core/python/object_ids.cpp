@@ -88,10 +88,11 @@ void bind_object_ids(nb::module_ &m) {
     m.def(
         "object_coverage", &covering_objects, "scene"_a, "counted"_a, "seed"_a, "first_sample"_a, "count"_a,
         "ranks"_a, "first_row"_a, "end_row"_a, "threads"_a = 0,
-        nb::sig("def object_coverage(scene: Scene, counted: "
-                "collections.abc.Sequence[tuple[str, numpy.typing.NDArray[numpy.int32]]], seed: int, "
-                "first_sample: int, count: int, ranks: int, first_row: int, end_row: int, threads: int = 0) -> "
-                "list[tuple[numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.float32]]]"),
+        nb::sig(
+            "def object_coverage(scene: Scene, counted: "
+            "collections.abc.Sequence[tuple[str, numpy.typing.NDArray[numpy.int32]]], seed: int, "
+            "first_sample: int, count: int, ranks: int, first_row: int, end_row: int, threads: int = 0) -> "
+            "list[tuple[numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.float32]]]"),
         "The objects that cover each pixel of some rows most, as `count` samples from first_sample on see "
         "them.\n\n"
         "`counted` holds the kinds to count (\"shape\", \"material\", \"instance\"), each with a number "
