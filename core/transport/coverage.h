@@ -5,13 +5,6 @@
 
 namespace lajolla {
 
-// The surface that a camera ray ends at.
-struct SeenSurface {
-    RayHit found;   // its ids
-    Hit<float> hit; // `distance` is measured from the camera
-    float u_event;  // the random number that is left for selecting a leaf of a blend
-};
-
 // The end of a camera ray. Without a surface, that is a collision in a medium, or nothing if the ray leaves
 // the scene.
 struct Seen {

@@ -58,8 +58,10 @@ struct FirstHit {
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &, PrimaryRay &primary) const {
         const CameraRay<float> &camera = primary.camera();
         if (see_through && (through_lights || scene.has_null_transmission())) {
-            const auto seen =
-                look(scene, tracer, camera, primary.found(), through_lights, Vacuum(), HitNeeds{}).surface;
+            const auto &seen = primary.seen(through_lights, [&] {
+                return look(scene, tracer, camera, primary.found(), through_lights, Vacuum(), HitNeeds{})
+                    .surface;
+            });
             return seen ? value(scene, camera, seen->hit, seen->u_event) : undefined;
         }
         const auto &hit = primary.hit();
