@@ -9,11 +9,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from lajolla.limits import LIMITS, OptionError, check
+from lajolla.aovs import AOVS, check_aovs
+from lajolla.limits import COMPRESSIONS, LIMITS, OptionError, check
 from lajolla.messages import suggestion
 
 STREAMS = {"-": "stdout", "/dev/stdout": "stdout", "/dev/stderr": "stderr"}
-ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .m"
+ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .npz, .m"
 
 GENERAL = """\
 examples:
@@ -30,6 +31,7 @@ EXAMPLES = {
 examples:
   lajolla render scene.xml --spp 64 --size 640x480 -o small.png
   lajolla render scene.xml -o picture.exr -o picture.jpg --exposure 1
+  lajolla render scene.xml --aov albedo,normal,crypto_material -o layers.exr
   lajolla render scene.xml --pixel 10,20              the radiance of one pixel
   lajolla render scene.xml --spp 16 --denoise
   lajolla render - -o - --format png < scene.xml > picture.png
@@ -253,6 +255,21 @@ def _add_scene(parser: Parser) -> None:
     group.add_argument(
         "--max-depth", type=_whole("max_depth"), metavar="N", help="longest path in segments; -1: no limit"
     )
+    group.add_argument(
+        "--hide-emitters",
+        action="store_const",
+        const=True,
+        help="lights are invisible to the camera, and alpha is 0 where there is nothing else",
+    )
+    group.add_argument(
+        "--aov",
+        dest="aovs",
+        type=_aovs,
+        action="extend",
+        default=[],
+        metavar="NAME,...",
+        help=f"variables in layers of their own, in .exr and .npz files; repeatable: {', '.join(AOVS)}",
+    )
 
 
 def _add_render(parser: Parser) -> None:
@@ -337,7 +354,13 @@ def _add_output(parser: Parser, *, default: str, required: bool = False) -> argp
         metavar="NAME",
         help="exr, png, ...: format of outputs without a known ending",
     )
-    group.add_argument("--half", action="store_true", help="16-bit instead of 32-bit EXR")
+    group.add_argument("--half", action="store_true", help="16-bit instead of 32-bit colours in EXR")
+    group.add_argument(
+        "--compression",
+        choices=COMPRESSIONS,
+        default="zip",
+        help="of EXR (default: zip); pxr24, b44 and dwa are not exact",
+    )
     group.add_argument(
         "--exposure",
         type=_finite,
@@ -450,6 +473,13 @@ def _crop(text: str) -> tuple[int, ...]:
     return _numbers("crop", text, ",", "X,Y,WIDTH,HEIGHT, such as 0,0,64,64")
 
 
+def _aovs(text: str) -> tuple[str, ...]:
+    try:
+        return check_aovs(name.strip() for name in text.split(","))
+    except OptionError as problem:
+        raise argparse.ArgumentTypeError(str(problem)) from None
+
+
 def _pixel(text: str) -> tuple[int, ...]:
     return _numbers("pixel", text, ",", "X,Y, such as 10,20")
 
@@ -549,4 +579,6 @@ def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -
             words += ["--" + flag.replace("_", "-"), str(getattr(arguments, flag))]
     if arguments.two_sided:
         words += ["--two-sided"]
+    if arguments.hide_emitters:
+        words += ["--hide-emitters"]
     return shlex.join([*words, "--pixel", f"{x},{y}", "--sample", str(sample)])

@@ -130,6 +130,8 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
             integrator=arguments.integrator,
             max_depth=arguments.max_depth,
             sensor=arguments.sensor,
+            hide_emitters=arguments.hide_emitters,
+            aovs=arguments.aovs,
         )
 
 
@@ -165,9 +167,10 @@ def command_render(arguments: argparse.Namespace) -> int:
     for output in outputs:
         output.check()
         output.check_space(scene, layers=9 if arguments.denoise else 0)
-    if scene.core.channels and not any(output.holds_channels for output in outputs):
-        holding = " and ".join(lajolla.picture_formats.HOLD_CHANNELS)
-        say(f"warning: only {holding} files hold all channels of this scene")
+    has_more = scene.core.channels or scene.aovs
+    if has_more and not any(output.holds_channels for output in outputs):
+        *some, last = lajolla.picture_formats.HOLD_CHANNELS
+        say(f"warning: only {', '.join(some)} and {last} files hold all channels")
     rendering = scene.rendering(
         spp=arguments.spp,
         seconds=arguments.time,
