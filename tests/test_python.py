@@ -65,7 +65,7 @@ def loaded() -> lajolla.Scene:
         (
             lambda: lajolla.load("room.xml", qqq=3),
             "valid: strict, two_sided, parameters, spp, size, crop, seed, sampler, integrator, max_depth, "
-            "sensor, level$",
+            "sensor, hide_emitters, aovs, level$",
         ),
         (
             lambda: loaded().render(wrong=1, sppp=3),

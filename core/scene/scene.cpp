@@ -288,6 +288,12 @@ const Bitmap *Scene::first_bitmap(const Hit<float> &hit) const {
     return result;
 }
 
+std::size_t Scene::light_group_count() const {
+    std::int32_t last = 0;
+    for (const std::int32_t group : parts_.light_groups) last = std::max(last, group);
+    return static_cast<std::size_t>(last) + 1;
+}
+
 std::size_t Scene::bytes() const {
     std::size_t sum = parts_.instances.size() * sizeof(Instance);
     for (const Shape &shape : parts_.shapes)

@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -40,13 +41,16 @@ def identity(rendering: Rendering) -> dict[str, Any]:
 
     This takes a second for a gigabyte of meshes and textures.
     """
-    import lajolla
-
     scene = rendering.description
-    sampler = {"type": scene["sampler"]["type"], "seed": rendering.seed}
+    height, width = rendering.halves.of_pixels.shape
+    film = {name: value for name, value in scene["film"].items() if not name.startswith("crop_")}
+    own = {
+        "film": {**film, "window": [*rendering.halves.offset, width, height]},
+        "sampler": {"type": scene["sampler"]["type"], "seed": rendering.seed},
+    }
     return {
-        **sections({**scene, "sampler": sampler}),
-        "version": lajolla.__version__,
+        **sections({**scene, **own}),
+        "version": version("lajolla"),
         "instruction set": f"{_core.isa} on {processor.level()}",  # Embree chooses its own by the processor
     }
 
@@ -88,14 +92,14 @@ class Checkpoint:
         }
         text = json.dumps({**facts, "format": FORMAT, "film": asdict(self.film)})
         with replacing(path) as temporary, open(temporary, "wb") as file:
-            np.savez(
-                file,
-                facts=np.array(text),
-                digits=self.sums.digits,
-                places=self.sums.places,
-                counts=self.counts,
+            arrays: dict[str, Any] = {
+                "facts": np.array(text),
+                "digits": self.sums.digits,
+                "places": self.sums.places,
+                "counts": self.counts,
                 **self.rounds,
-            )
+            }
+            np.savez(file, **arrays)
 
 
 def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Checkpoint:
@@ -163,13 +167,22 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
     width, height = (_whole(facts[name], 1, LARGEST) for name in ("width", "height"))
     offset = tuple(_whole(number, 0, LARGEST) for number in facts["offset"])
     halves = Halves(width, height, (offset[0], offset[1]))
-    sums = _core.Sums(arrays.pop("digits"), arrays.pop("places"))
+    values = (height, width, 3 + len(facts["channels"]))
+    digits = _shaped(arrays.pop("digits"), np.int64, (*values, 2))
+    sums = _core.Sums(digits, _shaped(arrays.pop("places"), np.int8, values))
     counts = _shaped(arrays.pop("counts"), np.uint32, halves.shape)
-    if sums.digits.shape[:3] != (height, width, 3 + len(facts["channels"])):
-        raise ValueError("another size")
-    shapes = {"changes": (np.float64, halves.shape), "changes_before": (np.float64, halves.shape)}
-    shapes |= {"measured_counts": (np.uint32, halves.shape), "round": (np.uint32, halves.shape)}
-    shapes |= {"measured_picture": (np.float32, (height, width, 3))}
+    ranges = [
+        (_whole(first, 0, MOST_SAMPLES), _whole(end, 0, MOST_SAMPLES)) for first, end in facts["ranges"]
+    ]
+    if not ranges:
+        raise ValueError("no samples")
+    shapes: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+        "changes": (np.float64, halves.shape),
+        "changes_before": (np.float64, halves.shape),
+        "measured_counts": (np.uint32, halves.shape),
+        "measured_picture": (np.float32, (height, width, 3)),
+        "round": (np.uint32, halves.shape),
+    }
     return Checkpoint(
         identity=dict(facts["identity"]),
         width=width,
@@ -177,9 +190,7 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
         offset=(offset[0], offset[1]),
         channels=[str(label) for label in facts["channels"]],
         film=Film(**facts["film"]),
-        ranges=[
-            (_whole(first, 0, MOST_SAMPLES), _whole(end, 0, MOST_SAMPLES)) for first, end in facts["ranges"]
-        ],
+        ranges=ranges,
         seconds=float(facts["seconds"]),
         rays=_whole(facts["rays"], 0, 2**63),
         nonfinite=_whole(facts["nonfinite"], 0, 2**63),

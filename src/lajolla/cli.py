@@ -1,5 +1,4 @@
-"""The command line: `lajolla render`, `denoise`, `check`, `convert`, `compare`, `merge`, `list` and
-`completion`.
+"""The command line: `lajolla render`, `denoise`, `check` and so on.
 
 Results go to standard output, everything else to standard error. Every error of the user's is one message and
 exit code 1; an interrupted command ends with 128 + the signal's number, as in a shell.
@@ -131,6 +130,8 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
             integrator=arguments.integrator,
             max_depth=arguments.max_depth,
             sensor=arguments.sensor,
+            hide_emitters=arguments.hide_emitters,
+            aovs=arguments.aovs,
         )
 
 
@@ -166,9 +167,10 @@ def command_render(arguments: argparse.Namespace) -> int:
     for output in outputs:
         output.check()
         output.check_space(scene, layers=9 if arguments.denoise else 0)
-    if scene.core.channels and not any(output.holds_channels for output in outputs):
-        holding = " and ".join(lajolla.picture_formats.HOLD_CHANNELS)
-        say(f"warning: only {holding} files hold all channels of this scene")
+    has_more = scene.core.channels or scene.aovs
+    if has_more and not any(output.holds_channels for output in outputs):
+        *some, last = lajolla.picture_formats.HOLD_CHANNELS
+        say(f"warning: only {', '.join(some)} and {last} files hold all channels")
     rendering = scene.rendering(
         spp=arguments.spp,
         seconds=arguments.time,
@@ -226,15 +228,15 @@ def _save(
     saver: lajolla.checkpoint.Saver | None,
 ) -> None:
     """Writes all outputs of a render, denoised if there are features."""
+    picture, failure = rendering.image(), None
+    if features is not None:
+        try:
+            picture = picture.denoise(features, threads=arguments.threads)
+        except lajolla.DenoiseError as problem:
+            failure = lajolla.DenoiseError(f"{problem}; the picture was saved as rendered")
     with ExitStack() as last:
         if saver is not None:
             last.callback(saver.write)  # even if a picture cannot be written
-        picture, failure = rendering.image(), None
-        if features is not None:
-            try:
-                picture = picture.denoise(features, threads=arguments.threads)
-            except lajolla.DenoiseError as problem:
-                failure = lajolla.DenoiseError(f"{problem}; the picture was saved as rendered")
         lajolla.outputs.write_pictures(outputs, picture, arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:

@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lajolla import _core
+from lajolla.aovs import ALPHA, VARIANCE, needs_names
 from lajolla.colour import FloatImage
 from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
 from lajolla.image import Image
 from lajolla.limits import MOST_SAMPLES, OptionError, check
 from lajolla.messages import names_checked, suggestion, warn
+from lajolla.objects import ObjectLayers
 from lajolla.options import Options, apply_options
 from lajolla.picture_files import ImageWarning
 from lajolla.render import Progress, Rendering, StopRules, available_threads
@@ -36,14 +38,16 @@ class Scene:
 
     def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
         start = time.perf_counter()
-        core = apply_options(description.core, options)
+        core = apply_options(description.core, options, description.light_groups)
         try:
             self.core = _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
         # To build it again elsewhere, which needs no places of errors.
         self.description = replace(description, core=core, places=Places())
-        self.film = description.film
+        self.film = description.film.with_alpha() if ALPHA in options.aovs else description.film
+        self.aovs = tuple(options.aovs)
+        self.names = description.names  # of objects, if an aov needs them
         self.sensors = description.sensors  # ids of all sensors, or their numbers
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
@@ -100,6 +104,8 @@ class Scene:
         )
         seed = self.core.seed if seed is None else seed
         threads = available_threads() if threads is None else threads
+        if spp is not None and spp < 2 and VARIANCE in self.aovs:
+            raise OptionError("the aov 'variance' needs at least two samples per pixel")
         return Rendering(
             self.core,
             self.description.core,
@@ -108,6 +114,7 @@ class Scene:
             threads=threads,
             film=self.film,
             first_sample=first_sample,
+            layers=ObjectLayers(self.core, self.aovs, self.names, seed, first_sample, threads),
         )
 
     @names_checked
@@ -226,8 +233,8 @@ def load(
         strict: makes unknown plugins and properties errors.
         two_sided: makes opaque surfaces reflect on both sides.
         parameters: values of the file's `$name` parameters.
-        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor);
-            other names are parameters that the file must have.
+        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor,
+            hide_emitters, aovs); other names are parameters that the file must have.
 
     Raises:
         SceneError: the scene has an error; the message contains the location.
@@ -246,6 +253,7 @@ def load(
             two_sided=two_sided,
             integrator=own.integrator,
             sensor=own.sensor,
+            named=needs_names(own.aovs),
         )
     except UnknownParameter as problem:
         hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", *vars(own), *problem.known])
@@ -282,6 +290,7 @@ def load_dict(
         two_sided=two_sided,
         integrator=own.integrator,
         sensor=own.sensor,
+        named=needs_names(own.aovs),
     )
     return _warned(Scene(description, own, time.perf_counter() - start))
 

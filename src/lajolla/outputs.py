@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TextIO
 
+from lajolla.aovs import object_channels
 from lajolla.arguments import STREAMS
 from lajolla.display import say
 from lajolla.film import Film
@@ -63,11 +64,13 @@ class Output:
     def check_space(self, scene: Scene, layers: int = 0) -> None:
         """Raises ImageError if the disk may be too full for a picture of the scene with further layers."""
         if not self.is_standard:
-            channels = 3 + len(scene.core.channels) + layers
+            channels = 3 + len(scene.core.channels) + object_channels(scene.aovs) + layers
             check_space(self.path, scene.width, scene.height, channels, self.named_format)
 
-    def save(self, picture: Image, *, exposure: float, half: bool) -> None:
-        picture.save(self.target, format=self.named_format, exposure=exposure, half=half)
+    def save(self, picture: Image, *, exposure: float, half: bool, compression: str) -> None:
+        picture.save(
+            self.target, format=self.named_format, exposure=exposure, half=half, compression=compression
+        )
 
 
 def outputs_of(arguments: argparse.Namespace, film: Film | None = None) -> list[Output]:
@@ -102,7 +105,12 @@ def write_pictures(outputs: Sequence[Output], picture: Image, arguments: argpars
         warnings.simplefilter("always", ImageWarning)
         for output in outputs:
             try:
-                output.save(picture, exposure=arguments.exposure, half=arguments.half)
+                output.save(
+                    picture,
+                    exposure=arguments.exposure,
+                    half=arguments.half,
+                    compression=arguments.compression,
+                )
             except ImageError as error:
                 errors.append(error)
     for warning in caught:

@@ -12,10 +12,13 @@ import numpy as np
 
 from lajolla import _core
 from lajolla.adaptive import FIRST_COUNT, Counts, ErrorEstimate, Halves
+from lajolla.aovs import VARIANCE
 from lajolla.film import Film
 from lajolla.image import Image
+from lajolla.layers import variance_of_mean
 from lajolla.limits import LIMITS, MOST_SAMPLES, OptionError
 from lajolla.messages import names_checked
+from lajolla.objects import ObjectLayers
 
 PASS_SECONDS = 2.0  # passes grow until they take about this long
 POLL_SECONDS = 0.1
@@ -95,9 +98,11 @@ class Rendering:
         threads: int,
         film: Film = DEFAULT_FILM,
         first_sample: int = 0,
+        layers: ObjectLayers | None = None,
     ) -> None:
         self.description = description  # what `core` was built from
         self.film = film
+        self.layers = layers
         self.channels = core.channels
         self.rules = rules
         self.seed = seed
@@ -123,7 +128,15 @@ class Rendering:
         """The mean of the samples so far."""
         values = self.accumulator.image()
         channels = {label: values[..., 3 + index] for index, label in enumerate(self.channels)}
-        return Image(values[..., :3], channels, self.film)
+        if self.layers is None:
+            return Image(values[..., :3], channels, self.film)
+        if VARIANCE in self.layers.aovs:
+            counts = self.accumulator.pixel_counts()
+            for index, letter in enumerate("RGB"):
+                mean, square = values[..., index], channels[f"{VARIANCE}.{letter}"]
+                channels[f"{VARIANCE}.{letter}"] = variance_of_mean(mean, square, counts)
+        samples = int(self.accumulator.counts.max())
+        return Image(values[..., :3], channels, self.film, self.layers.layers(samples))
 
     @names_checked
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
