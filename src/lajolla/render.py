@@ -3,16 +3,18 @@
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lajolla import _core
 from lajolla.adaptive import FIRST_COUNT, Counts, ErrorEstimate, Halves
-from lajolla.aovs import VARIANCE
+from lajolla.aovs import SAMPLES, VARIANCE
+from lajolla.colour import FloatImage
 from lajolla.film import Film
 from lajolla.image import Image
 from lajolla.layers import variance_of_mean
@@ -120,23 +122,22 @@ class Rendering:
         return self.halves.mean(self.accumulator.counts)
 
     @property
+    def aovs(self) -> Sequence[str]:
+        """Names of the variables beside the picture."""
+        return self.layers.aovs if self.layers is not None else ()
+
+    @property
     def noise(self) -> float:
         """The estimated relative error of the picture; infinite if the stop rules do not need it."""
         return self.estimate.noise
 
     def image(self) -> Image:
         """The mean of the samples so far."""
-        values = self.accumulator.image()
-        channels = {label: values[..., 3 + index] for index, label in enumerate(self.channels)}
-        if self.layers is None:
-            return Image(values[..., :3], channels, self.film)
-        if VARIANCE in self.layers.aovs:
-            counts = self.accumulator.pixel_counts()
-            for index, letter in enumerate("RGB"):
-                mean, square = values[..., index], channels[f"{VARIANCE}.{letter}"]
-                channels[f"{VARIANCE}.{letter}"] = variance_of_mean(mean, square, counts)
-        samples = int(self.accumulator.counts.max())
-        return Image(values[..., :3], channels, self.film, self.layers.layers(samples))
+        counts = self.accumulator.pixel_counts()
+        image = developed(self.accumulator.image(), counts, self.channels, self.aovs, self.film)
+        if self.layers is not None:
+            image.layers = self.layers.layers(int(counts.max()))
+        return image
 
     @names_checked
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
@@ -214,6 +215,24 @@ class Rendering:
             if self.halves.mean(step) > (self.rules.seconds - self.seconds) * rate:
                 return
             yield self.accumulator.counts + step
+
+
+def developed(
+    means: FloatImage,
+    counts: NDArray[np.uint32],
+    labels: Sequence[str],
+    aovs: Collection[str],
+    film: Film,
+) -> Image:
+    """The picture of means (height, width, 3 + number of labels) of counts (height, width) samples."""
+    channels = {label: means[..., 3 + index] for index, label in enumerate(labels)}
+    if VARIANCE in aovs:
+        for index, letter in enumerate("RGB"):
+            mean, square = means[..., index], channels[f"{VARIANCE}.{letter}"]
+            channels[f"{VARIANCE}.{letter}"] = variance_of_mean(mean, square, counts)
+    if SAMPLES in aovs:
+        channels[f"{SAMPLES}.C"] = counts.astype(np.float32)
+    return Image(means[..., :3], channels, film)
 
 
 def available_threads() -> int:
