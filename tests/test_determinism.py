@@ -117,16 +117,16 @@ def test_cancelling_keeps_finished_tiles() -> None:
     np.testing.assert_array_equal(render.image(), many)
 
 
-def test_halves_of_tiles_take_their_own_numbers_of_samples() -> None:
+def test_halves_of_cells_take_their_own_numbers_of_samples() -> None:
     """Each pixel is the mean of its own samples, whatever the others take; odd offsets of the crop window."""
     scene = room(crop_offset_x=3, crop_offset_y=2, crop_width=35, crop_height=20)
     render = _core.Render(scene, SEED)
-    assert render.counts.shape == (2, 3, 2)
-    counts = np.arange(12, dtype=np.uint32).reshape(2, 3, 2)
+    assert render.counts.shape == (3, 5, 2)
+    counts = (np.arange(30, dtype=np.uint32) % 12).reshape(3, 5, 2)
     assert render.advance(counts, 2)
     np.testing.assert_array_equal(render.counts, counts)
     y, x = np.indices((20, 35))
-    pixels = counts[y // 16, x // 16, (x + 3 + y + 2) % 2]
+    pixels = counts[y // 8, x // 8, (x + 3 + y + 2) % 2]
     np.testing.assert_array_equal(render.pixel_counts(), pixels)
     expected = np.zeros((20, 35, 3), np.float32)
     for count in range(1, 12):
@@ -153,7 +153,7 @@ def test_ranges_of_samples_add_up_in_any_order() -> None:
 def test_a_restored_render_goes_on() -> None:
     scene = room()
     render = _core.Render(scene, SEED)
-    assert render.advance(np.arange(12, dtype=np.uint32).reshape(2, 3, 2), 2)
+    assert render.advance(np.arange(30, dtype=np.uint32).reshape(3, 5, 2) % 12, 2)
     other = _core.Render(scene, SEED)
     other.restore(render.sums(), render.counts, render.rays, render.nonfinite, render.nonfinite_list)
     assert other.advance(16, 2)

@@ -282,7 +282,7 @@ def test_progress() -> None:
 
 
 def test_a_failing_pass_raises(scene: lajolla.Scene) -> None:
-    rendering = Rendering(scene.core, rules=StopRules(spp=4), seed=0, threads=1)
+    rendering = Rendering(scene.core, scene.description.core, rules=StopRules(spp=4), seed=0, threads=1)
 
     class Failing:
         counts = np.zeros((1, 1, 2), np.uint32)

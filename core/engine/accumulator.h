@@ -1,7 +1,6 @@
 #pragma once
 // A progressive render: adds samples to running sums, from which a picture can be computed at any time.
 
-#include <array>
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -11,25 +10,21 @@
 #include <tuple>
 #include <vector>
 
-#include "base/sums.h"
+#include "transport/render.h"
 
 namespace lajolla {
 
 struct RenderableScene;
-struct Progress;
-struct Tile;
 
-// The numbers of samples that the pixels of a tile's halves have.
-using HalfCounts = std::array<std::uint32_t, 2>;
+using Counts = PerHalf<std::uint32_t>; // samples of each pixel
 
 // The samples so far.
 struct RenderState {
-    Sums sums;                      // the channels of a pixel side by side, row by row
-    std::vector<HalfCounts> counts; // of the tiles, row by row
+    Sums sums; // the channels of a pixel side by side, row by row
+    Counts counts;
     std::uint64_t rays = 0;
-    std::uint64_t nonfinite = 0; // they count as black
-    std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>>
-        nonfinite_list; // x, y, sample: the first
+    std::uint64_t nonfinite = 0;          // they count as black
+    std::vector<SampleId> nonfinite_list{}; // the first of them
 };
 
 class Accumulator {
@@ -38,19 +33,17 @@ public:
     // order, the first one of which is `first_sample`.
     explicit Accumulator(const RenderableScene &scene, std::optional<std::uint32_t> seed = std::nullopt,
                          std::uint32_t first_sample = 0);
-    ~Accumulator();
 
-    // Adds samples until every pixel has at least this many: one number, or those of all tiles' halves.
+    // Adds samples until every pixel has at least this many: one number, or one for each half of all cells.
     // threads = 0 uses them all; one_lane follows one path after the other, for the same bits. Returns false
     // if cancel() was called meanwhile: tiles that were not finished are then as before. All functions may be
     // called from several threads.
     bool advance(std::uint32_t samples, int threads = 0, bool one_lane = false);
-    bool advance(std::span<const HalfCounts> samples, int threads = 0, bool one_lane = false);
+    bool advance(std::span<const std::uint32_t> samples, int threads = 0, bool one_lane = false);
     void cancel();
     double progress() const; // finished fraction of the running advance()
 
     std::size_t width() const, height() const, channels() const;
-    std::size_t tile_columns() const, tile_rows() const;
 
     std::vector<float> image() const; // means, row by row, the channels of a pixel side by side
     std::vector<std::uint32_t> pixel_counts() const; // samples, row by row
@@ -66,10 +59,10 @@ public:
 
 private:
     std::vector<std::uint32_t> counts_of_pixels() const; // needs the lock
-    void add_tile(std::size_t index, const Tile &tile, const Sums &sums, const HalfCounts &counts);
+    void add_tile(const Tile &tile, const Sums &sums, const Counts &counts);
 
     const RenderableScene &scene_;
-    std::unique_ptr<Progress> progress_;
+    Progress progress_;
     std::atomic<std::uint64_t> samples_to_take_{1}; // in the running advance()
     std::uint32_t seed_, first_sample_;
     std::mutex advancing_;

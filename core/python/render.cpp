@@ -72,33 +72,41 @@ nb::object means_of(const PixelSums &self, const Array<std::uint32_t> &counts) {
                     {self.rows, self.width, self.channels});
 }
 
-std::unique_ptr<PixelSums> sums_of(const Accumulator &render) {
+std::unique_ptr<PixelSums> sums_of(const Accumulator &render, Sums sums) {
     return std::make_unique<PixelSums>(
-        PixelSums{render.height(), render.width(), render.channels(), render.get(&RenderState::sums)});
+        PixelSums{render.height(), render.width(), render.channels(), std::move(sums)});
 }
 
 nb::object image_of(const Accumulator &render) {
     return array_of(render.image(), {render.height(), render.width(), render.channels()});
 }
 
-nb::object counts_of(const Accumulator &render) {
-    std::vector<std::uint32_t> numbers;
-    for (const HalfCounts &halves : render.get(&RenderState::counts))
-        numbers.insert(numbers.end(), halves.begin(), halves.end());
-    return array_of(std::move(numbers), {render.tile_rows(), render.tile_columns(), 2});
+nb::object counts_of(const Counts &counts) {
+    const auto values = counts.values();
+    return array_of(std::vector<std::uint32_t>(values.begin(), values.end()),
+                    {counts.rows(), counts.columns(), 2});
 }
 
-std::vector<HalfCounts> half_counts(const Array<std::uint32_t> &counts) {
-    std::vector<HalfCounts> result(counts.size() / 2);
-    for (std::size_t i = 0; i < result.size(); ++i)
-        result[i] = {counts.data()[2 * i], counts.data()[2 * i + 1]};
+using SampleList = std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>>; // x, y, sample
+SampleList tuples(const std::vector<SampleId> &samples) {
+    SampleList result;
+    for (const SampleId &id : samples) result.emplace_back(id.x, id.y, id.index);
     return result;
 }
 
 bool advance_halves(Accumulator &render, const Array<std::uint32_t> &samples, int threads, bool one_lane) {
-    const auto counts = half_counts(samples);
     const nb::gil_scoped_release release;
-    return render.advance(counts, threads, one_lane);
+    return render.advance(std::span(samples.data(), samples.size()), threads, one_lane);
+}
+
+void restore(Accumulator &render, const PixelSums &sums, const Array<std::uint32_t> &counts,
+             std::uint64_t rays, std::uint64_t nonfinite, const SampleList &nonfinite_list) {
+    RenderState state{sums.sums, render.get(&RenderState::counts), rays, nonfinite, {}};
+    if (counts.size() != state.counts.values().size())
+        throw std::invalid_argument("the samples are of a picture of another size");
+    std::copy_n(counts.data(), counts.size(), state.counts.values().begin());
+    for (const auto &[x, y, index] : nonfinite_list) state.nonfinite_list.push_back({x, y, index});
+    render.restore(std::move(state));
 }
 
 } // namespace
@@ -130,18 +138,32 @@ void bind_render(nb::module_ &m) {
              "tiles "
              "that were not finished are then as before.")
         .def("advance", &advance_halves, "samples"_a, "threads"_a = 0, "one_lane"_a = false,
-             "The same, with a number for each half of each tile: uint32 like `counts`.")
+             "The same, with a number for each half of each cell: uint32 like `counts`.")
         .def("cancel", &Accumulator::cancel, "Stops advance(), from another thread.")
         .def_prop_ro("progress", &Accumulator::progress, "Finished fraction of the running advance().")
         .def("image", &image_of, nb::sig("def image(self) -> numpy.typing.NDArray[numpy.float32]"),
              "Mean of the samples: float32 (height, width, 3 + number of channels); the first three are "
              "linear "
              "sRGB.")
-        .def("sums", &sums_of, "A copy of the sums of the samples.")
+        .def(
+            "sums", [](const Accumulator &self) { return sums_of(self, self.get(&RenderState::sums)); },
+            "A copy of the sums of the samples.")
+        .def(
+            "state",
+            [](const Accumulator &self) {
+                RenderState state = self.state();
+                return std::tuple(sums_of(self, std::move(state.sums)), counts_of(state.counts), state.rays,
+                                  state.nonfinite, tuples(state.nonfinite_list));
+            },
+            nb::sig("def state(self) -> tuple[Sums, numpy.typing.NDArray[numpy.uint32], int, int, "
+                    "list[tuple[int, int, int]]]"),
+            "Sums, counts, rays, nonfinite and nonfinite_list of one moment; for restore().")
         .def_prop_ro(
-            "counts", &counts_of, nb::sig("def counts(self) -> numpy.typing.NDArray[numpy.uint32]"),
-            "Samples per pixel of the halves of each tile: uint32 (tile rows, tile columns, 2). Tiles are "
-            "16 pixels wide and high; pixels whose x + y on the film is even belong to the first half.")
+            "counts", [](const Accumulator &self) { return counts_of(self.get(&RenderState::counts)); },
+            nb::sig("def counts(self) -> numpy.typing.NDArray[numpy.uint32]"),
+            "Samples of each pixel in the halves of cells: uint32 (cell rows, cell columns, 2). Cells are 8 "
+            "pixels wide "
+            "and high; pixels whose x + y on the film is even belong to the first half.")
         .def(
             "pixel_counts",
             [](const Accumulator &self) {
@@ -149,15 +171,8 @@ void bind_render(nb::module_ &m) {
             },
             nb::sig("def pixel_counts(self) -> numpy.typing.NDArray[numpy.uint32]"),
             "Samples of each pixel: uint32 (height, width).")
-        .def(
-            "restore",
-            [](Accumulator &self, const PixelSums &sums, const Array<std::uint32_t> &counts,
-               std::uint64_t rays, std::uint64_t nonfinite,
-               std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> nonfinite_list) {
-                self.restore({sums.sums, half_counts(counts), rays, nonfinite, std::move(nonfinite_list)});
-            },
-            "sums"_a, "counts"_a, "rays"_a, "nonfinite"_a, "nonfinite_list"_a,
-            "Replaces all samples by those of another render of this scene.")
+        .def("restore", &restore, "sums"_a, "counts"_a, "rays"_a, "nonfinite"_a, "nonfinite_list"_a,
+             "Replaces all samples by those of another render of this scene.")
         .def_prop_ro("samples", &Accumulator::samples, "Samples that every pixel has, at least.")
         .def_prop_ro(
             "rays", [](const Accumulator &self) { return self.get(&RenderState::rays); },
@@ -166,7 +181,8 @@ void bind_render(nb::module_ &m) {
             "nonfinite", [](const Accumulator &self) { return self.get(&RenderState::nonfinite); },
             "Samples that were NaN or infinite; they count as black.")
         .def_prop_ro(
-            "nonfinite_list", [](const Accumulator &self) { return self.get(&RenderState::nonfinite_list); },
+            "nonfinite_list",
+            [](const Accumulator &self) { return tuples(self.get(&RenderState::nonfinite_list)); },
             "(x, y, sample) of the first of them.");
 }
 

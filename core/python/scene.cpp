@@ -37,6 +37,15 @@ std::shared_ptr<EntryColumn> make_column(const Numbers &rows) {
     return column;
 }
 
+// Its rows, as a view of the column's memory, and whether they are whole numbers.
+nb::tuple column_state(nb::handle self) {
+    const auto &column = nb::cast<const EntryColumn &>(self);
+    std::vector<std::size_t> shape{column.rows};
+    shape.insert(shape.end(), column.shape.begin(), column.shape.end());
+    const nb::ndarray<nb::numpy, const double> rows(column.numbers.data(), shape.size(), shape.data(), self);
+    return nb::make_tuple(nb::cast(rows, nb::rv_policy::reference), column.integer);
+}
+
 std::shared_ptr<RenderableScene> make_scene(const nb::dict &description) {
     return with_dict(description, [](const Dict &dict) {
         const nb::gil_scoped_release release;
@@ -71,7 +80,13 @@ void bind_scene(nb::module_ &m) {
                 if (i >= column.rows) throw nb::index_error("there is no such row");
                 return object_of(column.row(i));
             },
-            "index"_a, "The value of one of the entries.");
+            "index"_a, "The value of one of the entries.")
+        .def("__getstate__", &column_state)
+        .def("__setstate__", [](EntryColumn &column, const std::tuple<Numbers, bool> &state) {
+            const auto &[rows, integer] = state;
+            new (&column) EntryColumn(std::move(*make_column(rows)));
+            column.integer = integer;
+        });
     nb::class_<RenderableScene>(m, "Scene", "A scene that can be rendered; it never changes.")
         .def(nb::new_(&make_scene), "description"_a,
              "Builds the scene that a description holds. Raises DescriptionError.")

@@ -65,32 +65,30 @@ private:
 // The samples of a tile in order: all of a pixel, then those of the next.
 class TileSamples {
 public:
-    TileSamples(const Film &film, const Tile &tile, const std::array<SampleRange, 2> &halves)
-        : halves_(halves), left_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x0)),
-          right_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x1)),
-          count_(sample_count(film, tile, halves)),
-          next_{left_, static_cast<std::uint32_t>(film.crop_offset_y + tile.y0), 0} {
-        next_.index = range().first;
-    }
+    TileSamples(const Film &film, const Tile &tile, const SampleRanges &ranges)
+        : ranges_(ranges), left_x_(static_cast<std::uint32_t>(tile.x0)),
+          right_x_(static_cast<std::uint32_t>(tile.x1)), x_(left_x_), y_(static_cast<std::uint32_t>(tile.y0)),
+          offset_x_(static_cast<std::uint32_t>(film.crop_offset_x)),
+          offset_y_(static_cast<std::uint32_t>(film.crop_offset_y)), range_(ranges.at(x_, y_)),
+          left_(sample_count(tile, ranges)) {}
 
-    std::uint64_t left() const { return count_; }
+    std::uint64_t left() const { return left_; }
     SampleId take() {
-        while (next_.index == range().end) {
-            if (++next_.x == right_) next_.x = left_, ++next_.y;
-            next_.index = range().first;
+        while (range_.size() == 0) {
+            if (++x_ == right_x_) x_ = left_x_, ++y_;
+            range_ = ranges_.at(x_, y_);
         }
-        const SampleId result = next_;
-        --count_, ++next_.index;
-        return result;
+        --left_;
+        return {offset_x_ + x_, offset_y_ + y_, range_.first++};
     }
 
 private:
-    const SampleRange &range() const { return halves_[half_of(next_.x, next_.y)]; }
-
-    const std::array<SampleRange, 2> &halves_;
-    std::uint32_t left_, right_;
-    std::uint64_t count_;
-    SampleId next_;
+    const SampleRanges &ranges_;
+    std::uint32_t left_x_, right_x_;
+    std::uint32_t x_, y_; // the current pixel, within the crop window
+    std::uint32_t offset_x_, offset_y_;
+    SampleRange range_; // of the current pixel, without those that were taken
+    std::uint64_t left_;
 };
 
 // For the radiance of one sample by light groups; empty if no channel needs it.
@@ -160,8 +158,7 @@ std::vector<Report> render_tiles(const Scene &scene, const Output &output, const
     if (recording) recording->resize(tiles.size());
     const auto for_each = [&](auto &&render) {
         for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &tile) {
-            TileSamples samples(scene.film(), tile, job.ranges[i]);
-            if (samples.left() == 0) return;
+            TileSamples samples(scene.film(), tile, job.ranges);
             Report report;
             Tracer tracer(scene.accel(), recording ? &(*recording)[i] : nullptr);
             TileAccumulator accumulator(scene, output, tile, tracer, report);
@@ -169,7 +166,7 @@ std::vector<Report> render_tiles(const Scene &scene, const Output &output, const
             if (samples.left() > 0) return; // cancelled
             report.rays = tracer.rays();
             reports[i] = report;
-            done(i, tile, accumulator.sums());
+            done(tile, accumulator.sums());
         });
     };
     match(output.integrator, [&](const auto &model) {
@@ -214,14 +211,11 @@ std::vector<Tile> tiles_of(const Film &film, int first_row, int end_row) {
     return tiles;
 }
 
-std::uint64_t sample_count(const Film &film, const Tile &tile, const std::array<SampleRange, 2> &halves) {
+std::uint64_t sample_count(const Tile &tile, const SampleRanges &ranges) {
     std::uint64_t result = 0;
     for (int y = tile.y0; y < tile.y1; ++y)
-        for (int x = tile.x0; x < tile.x1; ++x) {
-            const SampleRange &range = halves[half_of(static_cast<std::uint32_t>(film.crop_offset_x + x),
-                                                      static_cast<std::uint32_t>(film.crop_offset_y + y))];
-            result += range.end - range.first;
-        }
+        for (int x = tile.x0; x < tile.x1; ++x)
+            result += ranges.at(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y)).size();
     return result;
 }
 
@@ -244,7 +238,7 @@ Recording record(const Scene &scene, const Output &output, const Job &job) {
     Progress progress;
     Recording recording;
     render_tiles(
-        scene, output, job, progress, [](std::size_t, const Tile &, const Sums &) {}, &recording);
+        scene, output, job, progress, [](const Tile &, const Sums &) {}, &recording);
     return recording;
 }
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from lajolla import _core as _core
     from lajolla import catalog as catalog
+    from lajolla import checkpoint as checkpoint
     from lajolla import comparison as comparison
     from lajolla import completion as completion
     from lajolla import film as film
@@ -57,8 +58,8 @@ __all__ = [
 
 # Modules and names are imported when they are first used: `lajolla --help` does without NumPy and the core.
 _MODULES = tuple(
-    "_core catalog comparison completion film image outputs picture_formats render report scene survey "
-    "whole_files".split()
+    "_core catalog checkpoint comparison completion film image outputs picture_formats render report scene "
+    "survey whole_files".split()
 )
 _HOMES = {
     "Image": "image",

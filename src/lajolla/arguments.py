@@ -34,6 +34,8 @@ examples:
   lajolla render scene.xml --aov albedo,normal,crypto_material -o layers.exr
   lajolla render scene.xml --pixel 10,20              the radiance of one pixel
   lajolla render - -o - --format png < scene.xml > picture.png
+  lajolla render scene.xml --noise 1% --time 2h --checkpoint scene.ckpt
+  lajolla render scene.xml --noise 1% --time 2h --resume scene.ckpt       after a crash
 
 Ctrl-C stops rendering and saves the samples so far.""",
     "check": """\
@@ -53,6 +55,11 @@ examples:
 
 Prints for red, green and blue: the ratio of the means, the root of the mean squared error (RMSE), and the
 relative MSE, which is the mean of (A - B)^2 / (B^2 + 0.01).""",
+    "merge": """\
+examples:
+  lajolla render scene.xml --spp 512 --checkpoint a.ckpt
+  lajolla render scene.xml --spp 512 --first-sample 512 --checkpoint b.ckpt     on another machine
+  lajolla merge a.ckpt b.ckpt -o scene.exr                1024 samples per pixel""",
     "list": """\
 examples:
   lajolla list                              every plugin by its kind
@@ -113,6 +120,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         parser.error("a command is required: " + ", ".join(commands))
     if arguments.command == "render":
         _check_render(arguments, commands["render"])
+    if arguments.command == "merge" and not arguments.outputs and arguments.checkpoint is None:
+        commands["merge"].error("name a picture to write with -o, or a checkpoint with --checkpoint")
     if arguments.command == "compare" and str(arguments.a) == str(arguments.b) == "-":
         commands["compare"].error("standard input holds one picture, not both")
     if arguments.command == "convert" and arguments.pack and is_standard_output(arguments.target):
@@ -128,13 +137,15 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
     outputs = [str(path) for path in arguments.outputs or []]
     if str(arguments.scene) == "-" and not outputs and arguments.pixel is None:
         parser.error("a scene from standard input has no name for its picture: name it with -o")
+    if arguments.checkpoint is None:
+        arguments.checkpoint = arguments.resume
     if "-" in outputs and is_standard_output(arguments.stats):
         parser.error("the picture and --stats cannot both go to standard output")
 
 
 def prints_results(arguments: argparse.Namespace) -> bool:
     """Whether a result of a command goes to standard output."""
-    if arguments.command == "render":
+    if arguments.command in ("render", "merge"):
         named = [*(arguments.outputs or []), arguments.stats]
         return arguments.pixel is not None or any(is_standard_output(path) for path in named)
     return arguments.command != "convert" or is_standard_output(arguments.target)
@@ -167,6 +178,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
         "check": ("open a scene; print statistics and warnings", _add_check),
         "convert": ("write a scene as a file for Mitsuba 3", _add_convert),
         "compare": ("measure the difference between two pictures", _add_compare),
+        "merge": ("add checkpoints of one picture, of disjoint samples", _add_merge),
         "list": ("show the plugins and their parameters", _add_list),
         "completion": ("print a script that completes commands and options in a shell", _add_completion),
     }
@@ -247,10 +259,8 @@ def _add_scene(parser: Parser) -> None:
     )
 
 
-def _add_render(parser: Parser) -> None:
-    _add_scene(parser)
-    parser.set_defaults(suffix="")
-    group = parser.add_argument_group("output")
+def _add_pictures(group: argparse._ArgumentGroup, default: str = "") -> None:
+    """Adds the options of written pictures; `default` says what is written without -o."""
     group.add_argument(
         "-o",
         "--output",
@@ -258,18 +268,12 @@ def _add_render(parser: Parser) -> None:
         type=Path,
         action="append",
         metavar="OUT",
-        help=f"picture to write, {ENDINGS} and others; - is standard output; repeatable (default: the "
-        "scene's name with the endings for its film, usually .exr and .png)",
+        help=f"picture to write, {ENDINGS} and others; - is standard output; repeatable{default}",
     )
     group.add_argument(
         "--format",
         metavar="NAME",
         help="exr, png, ...: format of outputs without a known ending",
-    )
-    group.add_argument(
-        "--all-sensors",
-        action="store_true",
-        help="render one picture per sensor; its id or number is appended to file names",
     )
     group.add_argument("--half", action="store_true", help="16-bit instead of 32-bit colours in EXR")
     group.add_argument(
@@ -290,6 +294,18 @@ def _add_render(parser: Parser) -> None:
         choices=("gamma", "reinhard"),
         help="tone mapping instead of the film's: exposure only, or Reinhard et al. 2002",
     )
+
+
+def _add_render(parser: Parser) -> None:
+    _add_scene(parser)
+    parser.set_defaults(suffix="")
+    group = parser.add_argument_group("output")
+    _add_pictures(group, " (default: the scene's name with the endings for its film, usually .exr and .png)")
+    group.add_argument(
+        "--all-sensors",
+        action="store_true",
+        help="render one picture per sensor; its id or number is appended to file names",
+    )
     group = parser.add_argument_group(
         "end (at the first of --spp, --time and --noise; default: the scene's spp)"
     )
@@ -305,14 +321,24 @@ def _add_render(parser: Parser) -> None:
         action=argparse.BooleanOptionalAction,
         help="take more samples where the error is larger; --spp is then a mean (default: with --noise)",
     )
-    group = parser.add_argument_group("run")
+    group = parser.add_argument_group("checkpoints (docs/rendering.md)")
+    group.add_argument(
+        "--checkpoint", type=Path, metavar="FILE", help="file for the samples so far, written again and again"
+    )
+    group.add_argument(
+        "--every", type=_seconds, default=60.0, metavar="TIME", help="how often (default: 60s)"
+    )
+    group.add_argument(
+        "--resume", type=Path, metavar="FILE", help="go on where this checkpoint ends, and write it again"
+    )
     group.add_argument(
         "--first-sample",
         type=_whole("sample"),
         default=0,
         metavar="N",
-        help="begin with this sample of each pixel, to render the samples of one picture in parts",
+        help="begin with this sample of each pixel, to render one picture in parts, for `lajolla merge`",
     )
+    group = parser.add_argument_group("run")
     group.add_argument(
         "--threads", type=_whole("threads"), metavar="N", help="number of threads (default: all)"
     )
@@ -347,6 +373,15 @@ def _add_convert(parser: Parser) -> None:
         action="store_true",
         help="copy all meshes as PLY into the folder of OUT instead of referring to those of SCENE",
     )
+
+
+def _add_merge(parser: Parser) -> None:
+    parser.add_argument(
+        "files", type=Path, nargs="+", metavar="CHECKPOINT", help="written by lajolla render --checkpoint"
+    )
+    _add_pictures(parser.add_argument_group("output"))
+    parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="also write the sum as a checkpoint")
+    parser.set_defaults(stats=None, pixel=None, resume=None)
 
 
 def _add_compare(parser: Parser) -> None:
@@ -479,7 +514,9 @@ def _for_sensor(arguments: argparse.Namespace, number: int | None, suffix: str) 
     result = argparse.Namespace(**vars(arguments))
     result.all_sensors, result.sensor, result.suffix = False, number, suffix
     result.outputs = [_with_suffix(path, suffix) for path in arguments.outputs or []]
-    result.stats = arguments.stats and _with_suffix(arguments.stats, suffix)
+    for name in ("stats", "checkpoint", "resume"):
+        path = getattr(arguments, name)
+        setattr(result, name, path and _with_suffix(path, suffix))
     return result
 
 

@@ -1,4 +1,4 @@
-"""The command line: `lajolla render`, `check`, `convert`, `compare`, `list` and `completion`.
+"""The command line: `lajolla render`, `check`, `convert`, `compare`, `merge`, `list` and `completion`.
 
 Results go to standard output, everything else to standard error. Every error of the user's is one message and
 exit code 1; an interrupted command ends with 128 + the signal's number, as in a shell.
@@ -29,6 +29,7 @@ from lajolla.arguments import (
     replay_command,
 )
 from lajolla.display import (
+    Observer,
     coloured,
     discard,
     is_closed,
@@ -172,16 +173,21 @@ def command_render(arguments: argparse.Namespace) -> int:
         threads=arguments.threads,
         first_sample=arguments.first_sample,
     )
+    if arguments.resume is not None:
+        lajolla.checkpoint.resume(rendering, arguments.resume)
+    saver = arguments.checkpoint and lajolla.checkpoint.Saver(
+        rendering, arguments.checkpoint, arguments.every
+    )
     patience = Patience("the picture")
     with handled_by(patience):
         with (
             suppress(Interrupt),
             progress_display(pixels=scene.width * scene.height, quiet=arguments.quiet) as observe,
         ):
-            rendering.run(patience.stopping(observe))
+            rendering.run(patience.stopping(_saving(saver, observe)))
         if rendering.samples == 0 and patience.interrupt is not None:
             raise patience.interrupt
-        patience.save(_save, outputs, scene, rendering, arguments)
+        patience.save(_save, outputs, scene, rendering, arguments, saver)
         names = ", ".join(str(output) for output in outputs)
         if patience.interrupt is not None:
             say(f"interrupted; wrote {names} ({_summary(scene, rendering)})")
@@ -191,14 +197,31 @@ def command_render(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _saving(saver: lajolla.checkpoint.Saver | None, observe: Observer) -> Observer:
+    """An observer that also writes checkpoints when they are due; an error is told, and rendering goes on."""
+    if saver is None:
+        return observe
+
+    def observe_and_save(progress: lajolla.Progress) -> None:
+        observe(progress)
+        if (error := saver.write_if_due()) is not None:
+            say(f"warning: {error}")
+
+    return observe_and_save
+
+
 def _save(
     outputs: Sequence[lajolla.outputs.Output],
     scene: lajolla.Scene,
     rendering: lajolla.Rendering,
     arguments: argparse.Namespace,
+    saver: lajolla.checkpoint.Saver | None,
 ) -> None:
     """Writes all outputs of a render."""
-    lajolla.outputs.write_pictures(outputs, rendering.image(), arguments)
+    with ExitStack() as last:
+        if saver is not None:
+            last.callback(saver.write)  # even if a picture cannot be written
+        lajolla.outputs.write_pictures(outputs, rendering.image(), arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         stats = lajolla.outputs.statistics(scene, rendering)
@@ -245,6 +268,21 @@ def _report_nonfinite(rendering: lajolla.Rendering, arguments: argparse.Namespac
     x, y, sample = rendering.accumulator.nonfinite_list[0]
     say(f"warning: {count} sample{'s were' if count > 1 else ' was'} not finite and count as black")
     say(f"the first is sample {sample} of pixel {x},{y}: {replay_command(arguments, x, y, sample)}")
+
+
+def command_merge(arguments: argparse.Namespace) -> int:
+    outputs = lajolla.outputs.outputs_of(arguments)
+    lajolla.outputs.check(arguments)
+    for output in outputs:
+        output.check()
+    files = {path: lajolla.checkpoint.read(path) for path in dict.fromkeys(arguments.files)}
+    result = lajolla.checkpoint.merged(files)
+    lajolla.outputs.write_pictures(outputs, result.image(), arguments)
+    if arguments.checkpoint is not None:
+        result.write(arguments.checkpoint)
+    written = [*map(str, outputs), *([str(arguments.checkpoint)] if arguments.checkpoint else [])]
+    say(f"wrote {', '.join(written)} ({int(result.counts.max())} samples per pixel)")
+    return 0
 
 
 # --- convert, check, compare, list --------------------------------------------------------------------------
@@ -374,6 +412,7 @@ COMMANDS = {
     "check": command_check,
     "convert": command_convert,
     "compare": command_compare,
+    "merge": command_merge,
     "list": command_list,
     "completion": command_completion,
 }

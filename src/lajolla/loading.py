@@ -4,6 +4,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from lajolla.options import Options, apply_options
 from lajolla.render import Progress, Rendering, StopRules, available_threads
 from lajolla.scene import (
     Description,
+    Places,
     SceneFile,
     SceneWarning,
     UnknownParameter,
@@ -38,6 +40,8 @@ class Scene:
             self.core = _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
+        # To build it again elsewhere, which needs no places of errors.
+        self.description = replace(description, core=core, places=Places())
         self.film = description.film.with_alpha() if ALPHA in options.aovs else description.film
         self.aovs = tuple(options.aovs)
         self.names = description.names  # of objects, if an aov needs them
@@ -45,6 +49,10 @@ class Scene:
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A pickle holds the description with its options; the scene is built when the pickle is loaded."""
+        return Scene, (self.description, Options(), self.load_seconds)
 
     def __repr__(self) -> str:
         samples = self.core.sample_count
@@ -97,6 +105,7 @@ class Scene:
             raise OptionError("the aov 'variance' needs at least two samples per pixel")
         return Rendering(
             self.core,
+            self.description.core,
             rules=rules,
             seed=seed,
             threads=threads,

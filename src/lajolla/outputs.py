@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import resource
 import sys
 import warnings
@@ -89,6 +90,10 @@ def check(arguments: argparse.Namespace) -> None:
         output.check()
     if arguments.stats is not None and str(arguments.stats) not in STREAMS:
         check_folder(arguments.stats)
+    if arguments.checkpoint is not None:
+        check_folder(arguments.checkpoint)
+        if arguments.checkpoint != arguments.resume and os.path.lexists(arguments.checkpoint):
+            raise ImageError(f"{arguments.checkpoint}: exists; go on with it by --resume, or remove it")
 
 
 def write_pictures(outputs: Sequence[Output], picture: Image, arguments: argparse.Namespace) -> None:

@@ -3,18 +3,18 @@
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from lajolla import _core
 from lajolla.adaptive import FIRST_COUNT, Counts, ErrorEstimate, Halves
-from lajolla.aovs import VARIANCE
 from lajolla.film import Film
 from lajolla.image import Image
-from lajolla.layers import variance_of_mean
+from lajolla.layers import NO_LAYERS, named_channels
 from lajolla.limits import LIMITS, MOST_SAMPLES, OptionError
 from lajolla.messages import names_checked
 from lajolla.objects import ObjectLayers
@@ -90,6 +90,7 @@ class Rendering:
     def __init__(
         self,
         core: _core.Scene,
+        description: Mapping[str, Any],
         *,
         rules: StopRules,
         seed: int,
@@ -98,6 +99,7 @@ class Rendering:
         first_sample: int = 0,
         layers: ObjectLayers | None = None,
     ) -> None:
+        self.description = description  # what `core` was built from
         self.film = film
         self.layers = layers
         self.channels = core.channels
@@ -124,16 +126,9 @@ class Rendering:
     def image(self) -> Image:
         """The mean of the samples so far."""
         values = self.accumulator.image()
-        channels = {label: values[..., 3 + index] for index, label in enumerate(self.channels)}
-        if self.layers is None:
-            return Image(values[..., :3], channels, self.film)
-        if VARIANCE in self.layers.aovs:
-            counts = self.accumulator.pixel_counts()
-            for index, letter in enumerate("RGB"):
-                mean, square = values[..., index], channels[f"{VARIANCE}.{letter}"]
-                channels[f"{VARIANCE}.{letter}"] = variance_of_mean(mean, square, counts)
-        samples = int(self.accumulator.counts.max())
-        return Image(values[..., :3], channels, self.film, self.layers.layers(samples))
+        channels = named_channels(values, self.channels, self.accumulator.pixel_counts())
+        layers = self.layers.layers(int(self.accumulator.counts.max())) if self.layers else NO_LAYERS
+        return Image(values[..., :3], channels, self.film, layers)
 
     @names_checked
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
@@ -183,16 +178,15 @@ class Rendering:
         while self.accumulator.counts.min() >= FIRST_COUNT:
             if self.round is None:
                 self.estimate.update(self.accumulator.image()[..., :3], self.accumulator.counts)
+                if 0 < self.rules.noise >= self.noise:
+                    return
                 self.round = self._next_round()
-            if (self.round <= self.accumulator.counts).all() or self._is_clean():
-                return
+                if (self.round <= self.accumulator.counts).all():
+                    return
             yield from self._passes_to(self.round)
             if (self.accumulator.counts < self.round).any():  # no time is left
                 return
             self.round = None
-
-    def _is_clean(self) -> bool:
-        return self.rules.noise > 0 and self.noise <= self.rules.noise
 
     def _next_round(self) -> Counts:
         counts = self.accumulator.counts

@@ -46,6 +46,7 @@ __all__ = [
     "Export",
     "Names",
     "Numbered",
+    "Places",
     "SceneError",
     "SceneFile",
     "SceneWarning",
