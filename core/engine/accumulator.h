@@ -23,7 +23,7 @@ struct RenderState {
     Sums sums; // the channels of a pixel side by side, row by row
     Counts counts;
     std::uint64_t rays = 0;
-    std::uint64_t nonfinite = 0;          // they count as black
+    std::uint64_t nonfinite = 0;            // they count as black
     std::vector<SampleId> nonfinite_list{}; // the first of them
 };
 

@@ -280,10 +280,16 @@ std::shared_ptr<RenderableScene> build_scene(const Dict &description) {
     SceneParts parts = read_parts(description);
     check_light_groups(result->output, parts);
     try {
-        result->scene = std::make_unique<const Scene>(std::move(parts));
+        result->scene = std::make_shared<const Scene>(std::move(parts));
     } catch (const std::invalid_argument &error) {
         throw DescriptionError(error.what());
     }
+    return result;
+}
+
+std::shared_ptr<RenderableScene> with_output(const RenderableScene &scene, const Dict &description) {
+    auto result = std::make_shared<RenderableScene>(scene);
+    result->output = read_output(description);
     return result;
 }
 

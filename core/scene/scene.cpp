@@ -250,10 +250,14 @@ AnySurface Scene::surface(const Choice &choice, const Hit<float> &hit, const Vec
     return result;
 }
 
-Spectrum Scene::albedo(const Hit<float> &hit, const Vec3f &wo, float u) const {
+std::optional<Spectrum> Scene::diffuse_colour(const Hit<float> &hit, const Vec3f &wo, float u) const {
     const std::int32_t id = choose(hit, wo, u).bsdf;
-    if (id < 0) return Spectrum(0);
-    if (const auto *colour = traits_of(id).diffuse_colour) return filtered_reader(hit, wo)(*colour);
+    const auto *colour = id < 0 ? nullptr : traits_of(id).diffuse_colour;
+    return colour ? std::optional(filtered_reader(hit, wo)(*colour)) : std::nullopt;
+}
+
+Spectrum Scene::albedo(const Hit<float> &hit, const Vec3f &wo, float u) const {
+    if (const auto colour = diffuse_colour(hit, wo, u)) return *colour;
     const AnySurface seen = surface(hit, wo, u);
     return seen.black ? Spectrum(0) : eval(seen.lobe, seen.wo, {0, 0, 1}).f_cos * pi;
 }

@@ -113,8 +113,10 @@ public:
                                  });
     }
 
-    // The diffuse colour at a hit: a parameter of materials that have one; of others pi times their value
-    // between `wo` and the normal, which is that of a diffuse surface as bright. Of a blend as surface().
+    // The diffuse colour at a hit, if it is a parameter of the material. Of a blend as surface().
+    std::optional<Spectrum> diffuse_colour(const Hit<float> &hit, const Vec3f &wo, float u) const;
+    // The same; of other materials pi times their value between `wo` and the normal, which is that of a
+    // diffuse surface as bright.
     Spectrum albedo(const Hit<float> &hit, const Vec3f &wo, float u) const;
     // The shading normal as the material's maps turn it.
     Vec3f mapped_normal(const Hit<float> &hit, const Vec3f &wo, float u) const;

@@ -9,6 +9,7 @@
 
 #include "transport/ao.h"
 #include "transport/direct.h"
+#include "transport/features.h"
 #include "transport/first_hit.h"
 #include "transport/path.h"
 #include "transport/primary_ray.h"
@@ -16,7 +17,7 @@
 
 namespace lajolla {
 
-using Integrator = std::variant<Path, VolPath, Direct, AmbientOcclusion, FirstHit>;
+using Integrator = std::variant<Path, VolPath, Direct, AmbientOcclusion, FirstHit, Features>;
 
 // The value that a channel beside red, green and blue records for each sample.
 enum class Recorded { rgb, xyz, alpha, one };

@@ -193,6 +193,9 @@ struct Path {
     bool step(const Scene &scene, Tracer &tracer, const Sampler &sampler, const std::optional<RayHit> &found,
               Walk<Medium> &walk) const;
 
+    // Follows the ray through its medium to the hit, or to a collision before it.
+    static Flight cross_medium(const Scene &scene, const std::optional<RayHit> &found, Walk<InMedia> &walk);
+
     // Processes the surface that a path hit, and adds its emission.
     enum class Outcome { passed, stopped, ended };
     template <class Medium>
@@ -225,8 +228,6 @@ private:
     template <class Float>
     Float weight_of_light(const DirectSample<Float> &light, Float path_pdf) const;
 
-    // Follows the ray through its medium to the hit, or to a collision before it.
-    Flight cross_medium(const Scene &scene, const std::optional<RayHit> &found, Walk<InMedia> &walk) const;
     void scatter_in_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                            const BounceSample<float> &u, const Vec3f &collision, Walk<InMedia> &walk) const;
     // Scatters the path at a surface; returns false if it ends.
@@ -285,7 +286,7 @@ bool Path::goes_on(const Sampler &sampler, const BounceSample<float> &u, float h
 }
 
 inline Flight Path::cross_medium(const Scene &scene, const std::optional<RayHit> &found,
-                                 Walk<InMedia> &walk) const {
+                                 Walk<InMedia> &walk) {
     PathState<float> &path = walk.path;
     Flight flight = walk.medium.fly(scene, path.ray, found, path.u_event);
     walk.add(-1, path.throughput * flight.emitted);

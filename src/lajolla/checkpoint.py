@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +42,6 @@ def identity(rendering: Rendering) -> dict[str, Any]:
 
     This takes a second for a gigabyte of meshes and textures.
     """
-    import lajolla
-
     scene = rendering.description
     height, width = rendering.halves.of_pixels.shape
     film = {name: value for name, value in scene["film"].items() if not name.startswith("crop_")}
@@ -52,7 +51,7 @@ def identity(rendering: Rendering) -> dict[str, Any]:
     }
     return {
         **sections({**scene, **own}),
-        "version": lajolla.__version__,
+        "version": version("lajolla"),
         "instruction set": f"{_core.isa} on {processor.level()}",  # Embree chooses its own by the processor
     }
 
@@ -94,14 +93,14 @@ class Checkpoint:
         }
         text = json.dumps({**facts, "format": FORMAT, "film": asdict(self.film)})
         with replacing(path) as temporary, open(temporary, "wb") as file:
-            np.savez(
-                file,
-                facts=np.array(text),
-                digits=self.sums.digits,
-                places=self.sums.places,
-                counts=self.counts,
+            arrays: dict[str, Any] = {
+                "facts": np.array(text),
+                "digits": self.sums.digits,
+                "places": self.sums.places,
+                "counts": self.counts,
                 **self.rounds,
-            )
+            }
+            np.savez(file, **arrays)
 
 
 def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Checkpoint:
@@ -178,9 +177,13 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
     ]
     if not ranges:
         raise ValueError("no samples")
-    shapes = {"changes": (np.float64, halves.shape), "changes_before": (np.float64, halves.shape)}
-    shapes |= {"measured_counts": (np.uint32, halves.shape), "round": (np.uint32, halves.shape)}
-    shapes |= {"measured_picture": (np.float32, (height, width, 3))}
+    shapes: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+        "changes": (np.float64, halves.shape),
+        "changes_before": (np.float64, halves.shape),
+        "measured_counts": (np.uint32, halves.shape),
+        "measured_picture": (np.float32, (height, width, 3)),
+        "round": (np.uint32, halves.shape),
+    }
     return Checkpoint(
         identity=dict(facts["identity"]),
         width=width,

@@ -1,4 +1,4 @@
-"""The command line: `lajolla render`, `check`, `convert`, `compare`, `merge`, `list` and `completion`.
+"""The command line: `lajolla render`, `denoise`, `check` and so on.
 
 Results go to standard output, everything else to standard error. Every error of the user's is one message and
 exit code 1; an interrupted command ends with 128 + the signal's number, as in a shell.
@@ -13,7 +13,7 @@ import os
 import resource
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
@@ -40,6 +40,10 @@ from lajolla.display import (
     say,
 )
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
+
+TYPE_CHECKING = False  # as in `lajolla`
+if TYPE_CHECKING:
+    from lajolla.colour import FloatImage
 
 LEAST_MEMORY = (
     384 << 20
@@ -150,6 +154,8 @@ def command_render(arguments: argparse.Namespace) -> int:
         return _render_each_sensor(arguments)
     if arguments.pixel is None:
         lajolla.outputs.check(arguments)
+    if arguments.denoise:
+        lajolla.denoising.check_available()
     scene = load(arguments)
     for warning in scene.warnings:
         print_message(warning)
@@ -160,7 +166,7 @@ def command_render(arguments: argparse.Namespace) -> int:
     outputs = lajolla.outputs.outputs_of(arguments, scene.film)
     for output in outputs:
         output.check()
-        output.check_space(scene)
+        output.check_space(scene, layers=9 if arguments.denoise else 0)
     has_more = scene.core.channels or scene.aovs
     if has_more and not any(output.holds_channels for output in outputs):
         *some, last = lajolla.picture_formats.HOLD_CHANNELS
@@ -178,16 +184,19 @@ def command_render(arguments: argparse.Namespace) -> int:
     saver = arguments.checkpoint and lajolla.checkpoint.Saver(
         rendering, arguments.checkpoint, arguments.every
     )
+    displayed = partial(progress_display, pixels=scene.width * scene.height, quiet=arguments.quiet)
     patience = Patience("the picture")
+    features = None
     with handled_by(patience):
-        with (
-            suppress(Interrupt),
-            progress_display(pixels=scene.width * scene.height, quiet=arguments.quiet) as observe,
-        ):
-            rendering.run(patience.stopping(_saving(saver, observe)))
+        with suppress(Interrupt):
+            if arguments.denoise:  # first, so that an interrupted picture can be denoised too
+                with displayed(label="features: ") as observe:
+                    features = scene.features(threads=arguments.threads, observe=patience.stopping(observe))
+            with displayed() as observe:
+                rendering.run(patience.stopping(_saving(saver, observe)))
         if rendering.samples == 0 and patience.interrupt is not None:
             raise patience.interrupt
-        patience.save(_save, outputs, scene, rendering, arguments, saver)
+        patience.save(_save, outputs, scene, rendering, features, arguments, saver)
         names = ", ".join(str(output) for output in outputs)
         if patience.interrupt is not None:
             say(f"interrupted; wrote {names} ({_summary(scene, rendering)})")
@@ -214,18 +223,27 @@ def _save(
     outputs: Sequence[lajolla.outputs.Output],
     scene: lajolla.Scene,
     rendering: lajolla.Rendering,
+    features: Mapping[str, FloatImage] | None,
     arguments: argparse.Namespace,
     saver: lajolla.checkpoint.Saver | None,
 ) -> None:
-    """Writes all outputs of a render."""
+    """Writes all outputs of a render, denoised if there are features."""
+    picture, failure = rendering.image(), None
+    if features is not None:
+        try:
+            picture = picture.denoise(features, threads=arguments.threads)
+        except lajolla.DenoiseError as problem:
+            failure = lajolla.DenoiseError(f"{problem}; the picture was saved as rendered")
     with ExitStack() as last:
         if saver is not None:
             last.callback(saver.write)  # even if a picture cannot be written
-        lajolla.outputs.write_pictures(outputs, rendering.image(), arguments)
+        lajolla.outputs.write_pictures(outputs, picture, arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         stats = lajolla.outputs.statistics(scene, rendering)
         lajolla.outputs.write_statistics(arguments.stats, stats)
+    if failure is not None:
+        raise failure
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
@@ -285,7 +303,29 @@ def command_merge(arguments: argparse.Namespace) -> int:
     return 0
 
 
-# --- convert, check, compare, list --------------------------------------------------------------------------
+# --- denoise, convert, check, compare, list -----------------------------------------------------------------
+
+
+def command_denoise(arguments: argparse.Namespace) -> int:
+    lajolla.denoising.check_available()
+    outputs = lajolla.outputs.outputs_of(arguments)
+    for output in outputs:
+        output.check()
+    source = sys.stdin.buffer if str(arguments.picture) == "-" else arguments.picture
+    picture = lajolla.Image.open(source)
+    patience = Patience("the picture")
+    with handled_by(patience):
+        patience.save(_denoise, outputs, picture, arguments)
+    if not arguments.quiet:
+        say(f"wrote {', '.join(str(output) for output in outputs)}")
+    return patience.interrupt.exit_code if patience.interrupt is not None else 0
+
+
+def _denoise(
+    outputs: Sequence[lajolla.outputs.Output], picture: lajolla.Image, arguments: argparse.Namespace
+) -> None:
+    denoised = picture.denoise(threads=arguments.threads)
+    lajolla.outputs.write_pictures(outputs, denoised, arguments)
 
 
 def command_convert(arguments: argparse.Namespace) -> int:
@@ -409,6 +449,7 @@ def command_completion(arguments: argparse.Namespace) -> int:
 
 COMMANDS = {
     "render": command_render,
+    "denoise": command_denoise,
     "check": command_check,
     "convert": command_convert,
     "compare": command_compare,

@@ -16,11 +16,12 @@ from typing import Any, BinaryIO, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lajolla import denoising
 from lajolla.aovs import VARIANCE
 from lajolla.colour import FloatImage, decode_srgb, encode_srgb, xyz_to_rgb
 from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, Film, matrix_text
 from lajolla.layers import NO_LAYERS, Layer
-from lajolla.limits import COMPRESSIONS
+from lajolla.limits import COMPRESSIONS, check
 from lajolla.messages import names_checked, shortened, suggestion, warn
 from lajolla.picture_files import (
     ImageError,
@@ -136,6 +137,37 @@ class Image:
             film=self.film,
             layers=self.layers,
         )
+
+    @names_checked
+    def denoise(
+        self, features: Mapping[str, FloatImage] | None = None, *, threads: int | None = None
+    ) -> Image:
+        """The picture without noise, by Intel Open Image Denoise (`pip install 'lajolla[denoise]'`).
+
+        The result's channels contain this picture too, as "noisy.R", "noisy.G" and "noisy.B", and the
+        features, if it has no such layers itself. Alpha and other layers stay as they are.
+
+        Args:
+            features: channels "albedo.R", ... and "normal.x", ... of the same size, which say what the
+                network should keep; `Scene.features` renders them. Default: those that the picture has,
+                if any.
+            threads: number of threads, with the same result; default: all.
+
+        Raises:
+            DenoiseError: Open Image Denoise is not installed, or failed; the picture was denoised before.
+        """
+        if any(name in self.channels for name in denoising.NOISY):
+            raise denoising.DenoiseError("the picture was denoised before: it has channels noisy.R, ...")
+        check("threads", threads)
+        given = dict(self.channels if features is None else features)
+        for name, values in given.items():
+            if np.shape(values) != self.array.shape[:2]:
+                raise ImageError(f"feature {name!r} has shape {np.shape(values)}, not {self.array.shape[:2]}")
+        array = denoising.denoised(self.array, given, threads=threads)
+        noisy = dict(zip(denoising.NOISY, np.moveaxis(self.array, 2, 0), strict=True))
+        own = {name.rpartition(".")[0] for name in self.channels}
+        kept = {name: values for name, values in given.items() if name.rpartition(".")[0] not in own}
+        return Image(array, {**kept, **self.channels, **noisy}, self.film, self.layers)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:  # noqa: ANN401
         return np.array(self.array, dtype=dtype) if copy else np.asarray(self.array, dtype=dtype)

@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 
 from lajolla import _core
 from lajolla.aovs import ALPHA, VARIANCE, needs_names
+from lajolla.colour import FloatImage
+from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
 from lajolla.image import Image
 from lajolla.limits import MOST_SAMPLES, OptionError, check
 from lajolla.messages import names_checked, suggestion, warn
 from lajolla.objects import ObjectLayers
 from lajolla.options import Options, apply_options
+from lajolla.picture_files import ImageWarning
 from lajolla.render import Progress, Rendering, StopRules, available_threads
 from lajolla.scene import (
     Description,
@@ -125,6 +128,7 @@ class Scene:
         seed: int | None = None,
         threads: int | None = None,
         observe: Callable[[Progress], None] = lambda progress: None,
+        denoise: bool = False,
     ) -> Image:
         """Renders the picture, until the first of spp, seconds and noise is reached.
 
@@ -141,12 +145,55 @@ class Scene:
             seed: seed of the sampler; default: the scene's own seed.
             threads: number of threads; default: as many as this process may use.
             observe: called with the progress about ten times a second.
+            denoise: removes noise with the help of `features`; see `Image.denoise`. If that fails, the
+                picture is returned as rendered, with an ImageWarning.
+
+        Raises:
+            DenoiseError: `denoise` is set, and Open Image Denoise is not installed.
+            OptionError: an option is out of range, or the integrator shows no light to denoise.
         """
+        if denoise:
+            check_available()
         rendering = self.rendering(
             spp=spp, seconds=seconds, noise=noise, adaptive=adaptive, seed=seed, threads=threads
         )
+        features = self.features(seed=seed, threads=threads) if denoise else None
         rendering.run(observe)
-        return rendering.image()
+        image = rendering.image()
+        if features is None:
+            return image
+        try:
+            return image.denoise(features, threads=threads)
+        except DenoiseError as problem:
+            warn(ImageWarning(f"{problem}; the picture is as rendered"))
+            return image
+
+    @names_checked
+    def features(
+        self,
+        *,
+        seed: int | None = None,
+        threads: int | None = None,
+        observe: Callable[[Progress], None] = lambda progress: None,
+    ) -> dict[str, FloatImage]:
+        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.z", by their names.
+
+        They show the first surface that is neither a mirror nor glass, with little noise; see
+        docs/denoising.md. Raises OptionError if the integrator shows no light.
+        """
+        for name, value in (("seed", seed), ("threads", threads)):
+            check(name, value)
+        output = features_output(self.description.core["integrator"])
+        rendering = Rendering(
+            self.core.with_output(output),
+            {**self.description.core, **output},
+            rules=StopRules(spp=FEATURE_SAMPLES),
+            seed=self.core.seed if seed is None else seed,
+            threads=available_threads() if threads is None else threads,
+        )
+        rendering.run(observe)
+        image = rendering.image()
+        return {**dict(zip(LAYERS["albedo"], np.moveaxis(image.array, 2, 0), strict=True)), **image.channels}
 
     @names_checked
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:

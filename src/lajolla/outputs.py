@@ -61,10 +61,10 @@ class Output:
             raise ImageError("a picture on standard output needs --format, such as --format png")
         check_output(self.target, self.named_format)
 
-    def check_space(self, scene: Scene) -> None:
-        """Raises ImageError if the disk may be too full for a picture of the scene."""
+    def check_space(self, scene: Scene, layers: int = 0) -> None:
+        """Raises ImageError if the disk may be too full for a picture of the scene with further layers."""
         if not self.is_standard:
-            channels = 3 + len(scene.core.channels) + object_channels(scene.aovs)
+            channels = 3 + len(scene.core.channels) + object_channels(scene.aovs) + layers
             check_space(self.path, scene.width, scene.height, channels, self.named_format)
 
     def save(self, picture: Image, *, exposure: float, half: bool, compression: str) -> None:
