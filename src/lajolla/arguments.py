@@ -44,7 +44,7 @@ examples:
   lajolla denoise noisy.exr -o clean.exr
   lajolla denoise noisy.exr -o clean.png --exposure 1
 
-Layers albedo.R, ... and normal.X, ... of the picture help to keep details. 'lajolla render --denoise' renders
+Layers albedo.R, ... and normal.x, ... of the picture help to keep details. 'lajolla render --denoise' renders
 better ones.""",
     "check": """\
 examples:

@@ -145,10 +145,10 @@ class Image:
         """The picture without noise, by Intel Open Image Denoise (`pip install 'lajolla[denoise]'`).
 
         The result's channels contain this picture too, as "noisy.R", "noisy.G" and "noisy.B", and the
-        features. Alpha and other channels stay as they are.
+        features, if it has no such layers itself. Alpha and other layers stay as they are.
 
         Args:
-            features: channels "albedo.R", ... and "normal.X", ... of the same size, which say what the
+            features: channels "albedo.R", ... and "normal.x", ... of the same size, which say what the
                 network should keep; `Scene.features` renders them. Default: those that the picture has,
                 if any.
             threads: number of threads, with the same result; default: all.
@@ -165,7 +165,9 @@ class Image:
                 raise ImageError(f"feature {name!r} has shape {np.shape(values)}, not {self.array.shape[:2]}")
         array = denoising.denoised(self.array, given, threads=threads)
         noisy = dict(zip(denoising.NOISY, np.moveaxis(self.array, 2, 0), strict=True))
-        return Image(array, {**given, **self.channels, **noisy}, self.film)
+        own = {name.rpartition(".")[0] for name in self.channels}
+        kept = {name: values for name, values in given.items() if name.rpartition(".")[0] not in own}
+        return Image(array, {**kept, **self.channels, **noisy}, self.film, self.layers)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:  # noqa: ANN401
         return np.array(self.array, dtype=dtype) if copy else np.asarray(self.array, dtype=dtype)

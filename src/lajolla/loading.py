@@ -177,7 +177,7 @@ class Scene:
         threads: int | None = None,
         observe: Callable[[Progress], None] = lambda progress: None,
     ) -> dict[str, FloatImage]:
-        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.Z", by their names.
+        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.z", by their names.
 
         They show the first surface that is neither a mirror nor glass, with little noise; see
         docs/denoising.md. Raises OptionError if the integrator shows no light.
