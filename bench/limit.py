@@ -21,7 +21,7 @@ from lajolla import _core, _core_testing
 def render_seconds(scene: _core.Scene, spp: int, threads: int) -> float:
     render = _core.Render(scene)
     start = time.perf_counter()
-    render.add(0, spp, threads)
+    render.advance(spp, threads)
     return time.perf_counter() - start
 
 

@@ -158,7 +158,7 @@ def point_view(origin: tuple[float, float, float] = (3, -4, 5)) -> Settings:
 
 def picture(scene: _core.Scene, samples: int, seed: int = SEED, threads: int = 0) -> np.ndarray:
     render = _core.Render(scene, seed)
-    assert render.add(0, samples, threads)
+    assert render.advance(samples, threads)
     assert render.nonfinite == 0, render.nonfinite_list
     return render.image().astype(float)
 

@@ -239,10 +239,10 @@ def test_channels_are_filtered_like_the_picture() -> None:
 def test_channels_do_not_depend_on_threads_or_passes() -> None:
     scene = load({"type": "moment", "p": {"type": "path"}}, {"pixel_format": "rgba"})
     one = scene.rendering(spp=8, threads=1)
-    one.accumulator.add(0, 8, 1)
+    one.accumulator.advance(8, 1)
     parts = scene.rendering(spp=8, threads=2)
-    for first in range(0, 8, 2):
-        parts.accumulator.add(first, 2, 2)
+    for samples in range(2, 9, 2):
+        parts.accumulator.advance(samples, 2)
     for name, values in one.image().channels.items():
         np.testing.assert_array_equal(parts.image().channels[name], values)
 

@@ -22,7 +22,7 @@ import pytest
 import lajolla
 from lajolla import _core, cli, display, image
 from lajolla.arguments import parse, replay_command
-from lajolla.render import Progress
+from lajolla.render import Progress, StopRules
 from lajolla.survey import Finding, survey
 
 SCENE = """\
@@ -132,7 +132,7 @@ def test_pixel(capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("", "a command is required: render, check, convert, compare, list, completion"),
+        ("", "a command is required: render, denoise, check, convert, compare, merge, list, completion"),
         ("rendr room.xml", "unknown command 'rendr'; did you mean 'render'?"),
         ("room.xml", "did you mean: lajolla render room.xml"),
         ("test", "./lajolla test"),
@@ -393,7 +393,7 @@ def test_interrupted_render_saves_what_is_there(
     assert files() == {"room.exr", "room.png", "s.json"}
     samples = json.loads(Path("s.json").read_text())["samples_per_pixel"]
     assert 4 <= samples < 1_000_000
-    assert f"with {samples} of 1000000 samples per pixel" in capsys.readouterr().err
+    assert f"({samples:.4g} of 1000000 samples per pixel" in capsys.readouterr().err
 
 
 def test_interrupted_before_the_first_pass(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -423,7 +423,7 @@ def test_one_bad_output_does_not_lose_the_others(monkeypatch: pytest.MonkeyPatch
 def test_progress_lines(capsys: Capture) -> None:
     observe = display.line_observer(pixels=1000)
     for samples in range(101):
-        observe(Progress(samples, 100, float(samples)))
+        observe(Progress(samples, float(samples), StopRules(spp=100)))
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 9
     assert lines[1] == "lajolla: 20 % (20/100 spp, 1 ksamples/s, 1 min 20 s left)"

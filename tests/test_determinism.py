@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 
@@ -48,13 +49,13 @@ def room(sampler: str = "sobol", **film: int) -> _core.Scene:
 
 
 def image_of(
-    scene: _core.Scene, ranges: tuple[tuple[int, int], ...] = ((0, 16),), seed: int = SEED, threads: int = 2
+    scene: _core.Scene, passes: tuple[int, ...] = (16,), seed: int = SEED, threads: int = 2, first: int = 0
 ) -> np.ndarray:
-    """The mean of ranges of samples (first, count)."""
-    render = _core.Render(scene, seed)
-    for first, count in ranges:
-        assert render.add(first, count, threads)
-    assert render.samples == sum(count for _, count in ranges)
+    """The mean of samples, rendered in passes that end at these counts."""
+    render = _core.Render(scene, seed, first)
+    for samples in passes:
+        assert render.advance(samples, threads)
+    assert render.samples == passes[-1]
     return render.image()
 
 
@@ -68,8 +69,8 @@ def test_threads_and_passes_do_not_matter(sampler: str) -> None:
     assert np.isfinite(image).all() and image.std() > 0
     np.testing.assert_array_equal(image, image_of(scene, threads=1))
     np.testing.assert_array_equal(image, image_of(room(sampler)))
-    np.testing.assert_array_equal(image, image_of(scene, ((0, 4), (4, 4), (8, 4), (12, 4))))
-    np.testing.assert_array_equal(image, image_of(scene, ((0, 1), (1, 10), (11, 5)), threads=1))
+    np.testing.assert_array_equal(image, image_of(scene, (4, 8, 12, 16)))
+    np.testing.assert_array_equal(image, image_of(scene, (1, 11, 16), threads=1))
 
 
 @each_sampler
@@ -85,29 +86,81 @@ def test_a_crop_window_shows_the_same_pixels(sampler: str) -> None:
 def test_seeds_and_ranges_differ(sampler: str) -> None:
     scene = room(sampler)
     image = image_of(scene)
-    for other in (image_of(scene, seed=SEED + 1), image_of(scene, ((16, 16),))):
+    for other in (image_of(scene, seed=SEED + 1), image_of(scene, first=16)):
         assert (image != other).any(axis=2).mean() > 0.9
 
 
 def test_the_seed_of_the_scene_is_the_default() -> None:
     render = _core.Render(room())
-    assert render.add(0, 2, 2)
-    np.testing.assert_array_equal(render.image(), image_of(room(), ((0, 2),), seed=room().seed))
+    assert render.advance(2, 2)
+    np.testing.assert_array_equal(render.image(), image_of(room(), (2,), seed=room().seed))
 
 
-def test_cancelling_leaves_the_picture_as_it_was() -> None:
-    render = _core.Render(room(), SEED)
-    assert render.add(0, 2, 2)
-    before, rays = render.image(), render.rays
+def test_cancelling_keeps_finished_tiles() -> None:
+    scene = room()
+    render = _core.Render(scene, SEED)
+    assert render.advance(2, 2)
     finished: list[bool] = []
-    worker = threading.Thread(target=lambda: finished.append(render.add(2, 1 << 14, 2)))
+    target = 1 << 12
+    worker = threading.Thread(target=lambda: finished.append(render.advance(target, 2)))
     worker.start()
-    time.sleep(0.05)
+    while not (render.counts == target).any():
+        time.sleep(0.001)
     render.cancel()
     worker.join(timeout=60)
     assert finished == [False]
-    assert (render.samples, render.rays, render.nonfinite) == (2, rays, 0)
-    np.testing.assert_array_equal(render.image(), before)
+    counts = render.pixel_counts()
+    assert set(np.unique(counts)) <= {2, target} and render.samples == 2
+    few, many = image_of(scene, (2,)), image_of(scene, (target,))
+    np.testing.assert_array_equal(render.image(), np.where((counts == target)[..., None], many, few))
+    assert render.advance(target, 2)
+    np.testing.assert_array_equal(render.image(), many)
+
+
+def test_halves_of_cells_take_their_own_numbers_of_samples() -> None:
+    """Each pixel is the mean of its own samples, whatever the others take; odd offsets of the crop window."""
+    scene = room(crop_offset_x=3, crop_offset_y=2, crop_width=35, crop_height=20)
+    render = _core.Render(scene, SEED)
+    assert render.counts.shape == (3, 5, 2)
+    counts = (np.arange(30, dtype=np.uint32) % 12).reshape(3, 5, 2)
+    assert render.advance(counts, 2)
+    np.testing.assert_array_equal(render.counts, counts)
+    y, x = np.indices((20, 35))
+    pixels = counts[y // 8, x // 8, (x + 3 + y + 2) % 2]
+    np.testing.assert_array_equal(render.pixel_counts(), pixels)
+    expected = np.zeros((20, 35, 3), np.float32)
+    for count in range(1, 12):
+        expected[pixels == count] = image_of(scene, (count,))[pixels == count]
+    np.testing.assert_array_equal(render.image(), expected)
+
+
+def test_ranges_of_samples_add_up_in_any_order() -> None:
+    scene = room()
+    ends = (0, 3, 4, 11, 16)
+    parts = []
+    for first, end in itertools.pairwise(ends):
+        render = _core.Render(scene, SEED, first)
+        assert render.advance(end - first, 2)
+        parts.append(render.sums())
+    counts = np.full((scene.height, scene.width), 16, np.uint32)
+    for order in ((0, 1, 2, 3), (2, 0, 3, 1), (3, 2, 1, 0)):
+        whole = _core.Sums(np.zeros_like(parts[0].digits), np.zeros_like(parts[0].places))
+        for index in order:
+            whole.add(0, parts[index])
+        np.testing.assert_array_equal(whole.means(counts), image_of(scene))
+
+
+def test_a_restored_render_goes_on() -> None:
+    scene = room()
+    render = _core.Render(scene, SEED)
+    assert render.advance(np.arange(30, dtype=np.uint32).reshape(3, 5, 2) % 12, 2)
+    other = _core.Render(scene, SEED)
+    other.restore(render.sums(), render.counts, render.rays, render.nonfinite, render.nonfinite_list)
+    assert other.advance(16, 2)
+    np.testing.assert_array_equal(other.image(), image_of(scene))
+    smaller = _core.Render(room(crop_width=20), SEED)
+    with pytest.raises(ValueError, match="another size"):
+        smaller.restore(render.sums(), render.counts, 0, 0, [])
 
 
 def overflowing() -> _core.Scene:
@@ -132,7 +185,7 @@ def overflowing() -> _core.Scene:
 def test_infinite_samples_are_counted_problem_and_replayed() -> None:
     scene, count = overflowing(), 8
     render = _core.Render(scene, SEED)
-    assert render.add(0, count, 2)
+    assert render.advance(count, 2)
     values = replay(scene, count)
     infinite = ~np.isfinite(values).all(axis=3)
     assert 0 < infinite.sum() < infinite.size
@@ -163,4 +216,4 @@ def replay(scene: _core.Scene, count: int) -> np.ndarray:
 def test_a_picture_is_the_mean_of_its_samples(sampler: str) -> None:
     scene = room(sampler, crop_offset_x=4, crop_offset_y=2, crop_width=12, crop_height=9)
     mean = replay(scene, 4).astype(float).sum(axis=2) / 4
-    np.testing.assert_array_equal(image_of(scene, ((0, 4),)), mean.astype(np.float32))
+    np.testing.assert_array_equal(image_of(scene, (4,)), mean.astype(np.float32))

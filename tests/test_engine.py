@@ -80,7 +80,7 @@ def test_a_program_draws_what_python_draws(tmp_path: Path) -> None:
     program, file = built_program(), tmp_path / "box.pfm"
     subprocess.run([program, file], check=True, timeout=60)
     render = _core.Render(_core.Scene(box()))
-    assert render.add(0, 16)
+    assert render.advance(16)
     picture = render.image()
     assert picture[:, :8].mean(axis=(0, 1))[0] > 2 * picture[:, :8].mean(axis=(0, 1))[1]  # the red wall
     np.testing.assert_array_equal(read_pfm(file), picture)

@@ -15,7 +15,7 @@ BALL = {"type": "sphere", "center": (0, 0, 5), "material": 0}
 
 def render(description: dict[str, Any], spp: int = 4) -> _core.Render:
     result = _core.Render(_core.Scene(description))
-    assert result.add(0, spp)
+    assert result.advance(spp)
     return result
 
 
@@ -73,8 +73,8 @@ def test_a_path_ends_although_roulette_may_not_end_it() -> None:
 def test_cancelling_spoils_nothing_that_follows() -> None:
     result = render({**MATTE, "shapes": [BALL], "emitters": [{"type": "constant"}]})
     result.cancel()
-    assert not result.add(4, 4)
-    assert result.add(4, 4)
+    assert not result.advance(8)
+    assert result.advance(8)
     assert result.samples == 8
 
 

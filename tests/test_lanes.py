@@ -227,10 +227,8 @@ SPP = 4
 
 def picture(scene: _core.Scene, passes: tuple[int, ...], threads: int, one_lane: bool) -> np.ndarray:
     render = _core.Render(scene, SEED)
-    first = 0
-    for count in passes:
-        assert render.add(first, count, threads, one_lane)
-        first += count
+    for samples in np.cumsum(passes):
+        assert render.advance(int(samples), threads, one_lane)
     assert render.nonfinite == 0, render.nonfinite_list
     return render.image()
 
@@ -563,7 +561,7 @@ def test_infinite_samples_are_the_same() -> None:
     )
     renders = [_core.Render(scene, SEED) for _ in range(2)]
     for render, one_lane in zip(renders, (False, True), strict=True):
-        assert render.add(0, SPP, 2, one_lane)
+        assert render.advance(SPP, 2, one_lane)
     ours, ones = renders
     assert ours.nonfinite == ones.nonfinite > 0
     assert ours.nonfinite_list == ones.nonfinite_list

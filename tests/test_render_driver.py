@@ -1,5 +1,6 @@
 """The progressive driver: options, passes, interruption; pictures depend on scene and seed alone."""
 
+import math
 from concurrent.futures import Future, wait
 from types import SimpleNamespace
 from typing import Any
@@ -9,7 +10,7 @@ import pytest
 
 import lajolla
 from lajolla.options import Options, apply_options
-from lajolla.render import Progress, Rendering
+from lajolla.render import Progress, Rendering, StopRules
 from lajolla.scene import describe
 
 SCENE: dict[str, Any] = {
@@ -126,8 +127,8 @@ def test_picture_depends_on_scene_and_seed_alone(scene: lajolla.Scene) -> None:
     np.testing.assert_array_equal(one, two)
     assert not np.array_equal(one, scene.render(spp=16, seed=2).array)
     four_by_four = scene.rendering(spp=16, seed=1)
-    for first in range(0, 16, 4):
-        four_by_four.accumulator.add(first, 4, 2)
+    for samples in range(4, 17, 4):
+        four_by_four.accumulator.advance(samples, 2)
     np.testing.assert_array_equal(one, four_by_four.image().array)
 
 
@@ -148,7 +149,7 @@ def test_passes_are_limited_in_time(scene: lajolla.Scene, monkeypatch: pytest.Mo
     assert set(counts) == {1, 2, 3, 4, 5}
 
 
-def test_interruption_keeps_finished_passes(scene: lajolla.Scene) -> None:
+def test_interruption_keeps_finished_tiles(scene: lajolla.Scene) -> None:
     rendering = scene.rendering(spp=1_000_000, seed=5, threads=1)
 
     def interrupt(progress: Progress) -> None:
@@ -158,7 +159,7 @@ def test_interruption_keeps_finished_passes(scene: lajolla.Scene) -> None:
     with pytest.raises(KeyboardInterrupt):
         rendering.run(interrupt)
     assert 4 <= rendering.samples < 1_000_000
-    kept = scene.render(spp=rendering.samples, seed=5)
+    kept = scene.render(spp=int(rendering.samples), seed=5)  # a single tile
     np.testing.assert_array_equal(rendering.image().array, kept.array)
 
 
@@ -184,9 +185,9 @@ def test_a_rendering_interrupted_in_a_pass_goes_on(monkeypatch: pytest.MonkeyPat
 
     with pytest.raises(KeyboardInterrupt):
         rendering.run(interrupt)
-    assert (rendering.samples, rendering.lost) == (0, 1)
+    assert rendering.samples < 1
     rendering.run()
-    assert rendering.lost == 0
+    assert rendering.samples == 2
     np.testing.assert_array_equal(rendering.image().array, scene.render(seed=1).array)
 
 
@@ -207,7 +208,7 @@ def test_a_rendering_interrupted_after_a_pass_goes_on(
         patch.setattr("lajolla.render.wait", late)
         with pytest.raises(KeyboardInterrupt):
             rendering.run(interrupt)
-    assert (rendering.samples, rendering.lost) == (1, 0)
+    assert rendering.samples == 1
     rendering.run()
     np.testing.assert_array_equal(rendering.image().array, scene.render(spp=8, seed=1).array)
 
@@ -216,10 +217,10 @@ def test_a_cancelled_pass_ends_the_run(scene: lajolla.Scene) -> None:
     rendering = scene.rendering(spp=4)
 
     class Cancelled:
-        samples = 0
+        counts = np.zeros((1, 1, 2), np.uint32)
         progress = 0.0
 
-        def add(self, first: int, count: int, threads: int) -> bool:
+        def advance(self, counts: np.ndarray, threads: int) -> bool:
             return False
 
     rendering.accumulator = Cancelled()
@@ -271,19 +272,23 @@ def test_numbers_that_are_not_whole(scene: lajolla.Scene, options: dict[str, Any
 
 
 def test_progress() -> None:
-    progress = Progress(samples=5, spp=20, seconds=10)
+    progress = Progress(samples=5, seconds=10, rules=StopRules(spp=20))
     assert progress.fraction == 0.25
     assert progress.seconds_left == 30
+    assert Progress(5, 10, StopRules(spp=20, seconds=20)).fraction == 0.5
+    assert Progress(5, 10, StopRules(noise=0.1), noise=0.2).fraction == pytest.approx(0.25)
+    assert Progress(5, 10, StopRules(noise=0.1)).fraction == 0
+    assert Progress(5, 10, StopRules(noise=0.1)).seconds_left == math.inf
 
 
 def test_a_failing_pass_raises(scene: lajolla.Scene) -> None:
-    rendering = Rendering(scene.core, spp=4, seed=0, threads=1)
+    rendering = Rendering(scene.core, scene.description.core, rules=StopRules(spp=4), seed=0, threads=1)
 
     class Failing:
-        samples = 0
+        counts = np.zeros((1, 1, 2), np.uint32)
         progress = 0.0
 
-        def add(self, first: int, count: int, threads: int) -> bool:
+        def advance(self, counts: np.ndarray, threads: int) -> bool:
             raise MemoryError
 
     rendering.accumulator = Failing()

@@ -213,7 +213,7 @@ def test_runs_of_equal_shapes_may_have_booleans(value: str, tmp_path: Path) -> N
 
 def picture(description: Description) -> bytes:
     render = _core.Render(_core.Scene(description.core), seed=1)
-    render.add(0, 2)
+    render.advance(2)
     assert render.image().any()
     return render.image().tobytes()
 

@@ -1,55 +1,76 @@
 #pragma once
 // A progressive render: adds samples to running sums, from which a picture can be computed at any time.
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <tuple>
 #include <vector>
+
+#include "transport/render.h"
 
 namespace lajolla {
 
 struct RenderableScene;
-struct Progress;
+
+using Counts = PerHalf<std::uint32_t>; // samples of each pixel
+
+// The samples so far.
+struct RenderState {
+    Sums sums; // the channels of a pixel side by side, row by row
+    Counts counts;
+    std::uint64_t rays = 0;
+    std::uint64_t nonfinite = 0;            // they count as black
+    std::vector<SampleId> nonfinite_list{}; // the first of them
+};
 
 class Accumulator {
 public:
-    // The scene must outlive this. Default of the seed: that of the scene.
-    explicit Accumulator(const RenderableScene &scene, std::optional<std::uint32_t> seed = std::nullopt);
-    ~Accumulator();
+    // The scene must outlive this. Default of the seed: that of the scene. Each pixel takes its samples in
+    // order, the first one of which is `first_sample`.
+    explicit Accumulator(const RenderableScene &scene, std::optional<std::uint32_t> seed = std::nullopt,
+                         std::uint32_t first_sample = 0);
 
-    // Adds samples first ... first + count - 1 of every pixel. Returns false, and changes nothing, where
-    // cancel() was called meanwhile. threads = 0 uses them all; one_lane follows one path after the other,
-    // for the same bits. All of these may be called from several threads.
-    bool add(std::uint32_t first, std::uint32_t count, int threads = 0, bool one_lane = false);
+    // Adds samples until every pixel has at least this many: one number, or one for each half of all cells.
+    // threads = 0 uses them all; one_lane follows one path after the other, for the same bits. Returns false
+    // if cancel() was called meanwhile: tiles that were not finished are then as before. All functions may be
+    // called from several threads.
+    bool advance(std::uint32_t samples, int threads = 0, bool one_lane = false);
+    bool advance(std::span<const std::uint32_t> samples, int threads = 0, bool one_lane = false);
     void cancel();
-    double progress() const; // finished fraction of the running add()
+    double progress() const; // finished fraction of the running advance()
 
     std::size_t width() const, height() const, channels() const;
-    std::vector<float> image() const; // means, row by row, the channels of a pixel side by side
-    std::uint64_t samples() const { return locked(samples_); } // per pixel
-    std::uint64_t rays() const { return locked(rays_); }
-    std::uint64_t nonfinite() const { return locked(nonfinite_); }  // samples that count as black
-    auto nonfinite_list() const { return locked(nonfinite_list_); } // (x, y, sample) of the first of them
 
-private:
-    std::size_t pixels() const { return width() * height(); }
+    std::vector<float> image() const; // means, row by row, the channels of a pixel side by side
+    std::vector<std::uint32_t> pixel_counts() const; // samples, row by row
+    std::uint32_t samples() const;                   // that every pixel has, at least
+    RenderState state() const;
+    void restore(RenderState state); // throws std::invalid_argument if it is not of this scene
 
     template <class T>
-    T locked(const T &value) const {
+    T get(T RenderState::*member) const {
         const std::lock_guard lock(results_);
-        return value;
+        return state_.*member;
     }
 
+private:
+    std::vector<std::uint32_t> counts_of_pixels() const; // needs the lock
+    void add_tile(const Tile &tile, const Sums &sums, const Counts &counts);
+
     const RenderableScene &scene_;
-    std::unique_ptr<Progress> progress_;
-    std::mutex adding_;
-    mutable std::mutex results_; // of everything below
-    std::uint32_t seed_;
-    std::vector<double> sums_;
-    std::uint64_t samples_ = 0, rays_ = 0, nonfinite_ = 0;
-    std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> nonfinite_list_;
+    Progress progress_;
+    std::atomic<std::uint64_t> samples_to_take_{1}; // in the running advance()
+    std::uint32_t seed_, first_sample_;
+    std::mutex advancing_;
+    mutable std::mutex results_; // of the state
+    RenderState state_;
 };
+
+// Means of sums: `counts` is one number for each pixel, which has `channels` sums.
+std::vector<float> means(const Sums &sums, std::size_t channels, std::span<const std::uint32_t> counts);
 
 } // namespace lajolla

@@ -74,7 +74,7 @@ int main(int argc, char **argv) try {
     if (argc != 2) throw std::invalid_argument("usage: lajolla-core PICTURE.pfm");
     const auto scene = build_scene(box());
     Accumulator render(*scene);
-    render.add(0, 16);
+    render.advance(16);
     write_pfm(argv[1], render);
     return 0;
 } catch (const std::exception &error) {

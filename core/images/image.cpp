@@ -218,6 +218,13 @@ template Image::Image(std::uint32_t, std::uint32_t, std::uint32_t, bool, const s
 template Image::Image(std::uint32_t, std::uint32_t, std::uint32_t, bool, const Half *);
 template Image::Image(std::uint32_t, std::uint32_t, std::uint32_t, bool, const float *);
 
+Image::Image(std::uint32_t width_, std::uint32_t height_, std::uint32_t channels_, bool srgb_,
+             TexelType type_, std::span<const std::int32_t> words)
+    : Image(width_, height_, channels_, srgb_, type_) {
+    if (words.size() != words_.size()) throw std::invalid_argument("the words are of another image");
+    std::ranges::copy(words, words_.begin());
+}
+
 Spectrum Image::texel(std::uint32_t x, std::uint32_t y) const {
     const auto i = static_cast<std::int32_t>(static_cast<std::size_t>(y) * width + x);
     return with_texels<float>(*this, [=](const auto &at) { return Spectrum(at(i)); });

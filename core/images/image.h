@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <mutex>
+#include <span>
 #include <vector>
 
 #include "base/vec.h"
@@ -28,6 +29,10 @@ public:
     // there are more than lanes can count.
     template <class T>
     Image(std::uint32_t width, std::uint32_t height, std::uint32_t channels, bool srgb, const T *values);
+    // Of the words of another image with these properties. Throws std::invalid_argument for another number of
+    // them.
+    Image(std::uint32_t width, std::uint32_t height, std::uint32_t channels, bool srgb, TexelType type,
+          std::span<const std::int32_t> words);
 
     std::uint32_t width, height;
     std::uint32_t channels; // 1 (grey) or 3 (linear sRGB primaries)

@@ -48,6 +48,22 @@ std::shared_ptr<Grid> make_grid(const Voxels &voxels) {
     return grid;
 }
 
+// What `make_grid` takes: a view of the grid's memory.
+nb::object voxels_of(nb::handle self) {
+    const auto &grid = nb::cast<const Grid &>(self);
+    return std::visit(
+        [&]<class T>(const std::vector<T> &values) {
+            const auto code =
+                std::is_integral_v<T> ? nb::dlpack::dtype_code::UInt : nb::dlpack::dtype_code::Float;
+            const nb::dlpack::dtype type{static_cast<std::uint8_t>(code), 8 * sizeof(T), 1};
+            return nb::cast(
+                nb::ndarray<nb::numpy, nb::ro>(
+                    values.data(), {grid.depth, grid.height, grid.width, grid.channels}, self, {}, type),
+                nb::rv_policy::reference);
+        },
+        grid.values);
+}
+
 } // namespace
 
 void bind_grids(nb::module_ &m) {
@@ -58,7 +74,10 @@ void bind_grids(nb::module_ &m) {
         .def_ro("width", &Grid::width)
         .def_ro("height", &Grid::height)
         .def_ro("depth", &Grid::depth)
-        .def_ro("channels", &Grid::channels);
+        .def_ro("channels", &Grid::channels)
+        .def("__getstate__", &voxels_of)
+        .def("__setstate__",
+             [](Grid &grid, const Voxels &voxels) { new (&grid) Grid(std::move(*make_grid(voxels))); });
 }
 
 } // namespace lajolla

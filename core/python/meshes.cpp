@@ -6,6 +6,7 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
@@ -48,6 +49,17 @@ void assign(Elements &elements, const Table<T, N> &table) {
 template <class T>
 nb::object view(nb::handle owner, const T *data, std::initializer_list<std::size_t> shape) {
     return nb::cast(nb::ndarray<nb::numpy, const T>(data, shape, owner), nb::rv_policy::reference);
+}
+
+// The same of elements that each consist of N numbers.
+template <class T, std::size_t N, class Elements>
+nb::object rows_of(nb::handle owner, const Elements &elements) {
+    static_assert(sizeof(elements[0]) == N * sizeof(T));
+    return view(owner, reinterpret_cast<const T *>(elements.data()), {elements.size(), N});
+}
+template <class T, std::size_t N, class Elements>
+nb::object rows_or_none(nb::handle owner, const Elements &elements) {
+    return elements.empty() ? nb::none() : rows_of<T, N>(owner, elements);
 }
 
 std::shared_ptr<LoadedMesh> make_mesh(const Table<float, 3> &vertices, const Table<std::uint32_t, 3> &faces,
@@ -137,9 +149,45 @@ std::shared_ptr<LoadedMesh> part(const LoadedMesh &mesh, std::size_t first, std:
     return result;
 }
 
-std::shared_ptr<CurveSet>
-make_curves(const Table<float, 4> &points,
-            const nb::ndarray<const std::uint32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu> &segments) {
+using MeshArrays = std::tuple<Table<float, 3>, Table<std::uint32_t, 3>, std::optional<Table<float, 3>>,
+                              std::optional<Table<float, 2>>>;
+using AttributeState = std::tuple<bool, nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>>;
+using MeshState = std::tuple<MeshArrays, std::map<std::string, AttributeState>, decltype(LoadedMesh::groups),
+                             decltype(LoadedMesh::material_libraries), bool, bool>;
+
+nb::tuple mesh_state(nb::handle self) {
+    const auto &mesh = nb::cast<const LoadedMesh &>(self);
+    const nb::dict values = attributes(self);
+    nb::dict attribute_states;
+    for (const auto &[name, attribute] : mesh.attributes)
+        attribute_states[name.c_str()] = nb::make_tuple(attribute.per_face, values[name.c_str()]);
+    const nb::tuple arrays = nb::make_tuple(
+        rows_of<float, 3>(self, mesh.positions), rows_of<std::uint32_t, 3>(self, mesh.triangles),
+        rows_or_none<float, 3>(self, mesh.normals), rows_or_none<float, 2>(self, mesh.uvs));
+    return nb::make_tuple(arrays, attribute_states, mesh.groups, mesh.material_libraries, mesh.face_normals,
+                          mesh.mended);
+}
+
+void restore_mesh(LoadedMesh &mesh, const MeshState &state) {
+    const auto &[arrays, attribute_states, groups, material_libraries, face_normals, mended] = state;
+    const auto made = std::apply(&make_mesh, arrays);
+    for (const auto &[name, attribute] : attribute_states) {
+        const auto &[per_face, values] = attribute;
+        made->attributes[name] = {static_cast<std::uint32_t>(values.shape(1)),
+                                  per_face,
+                                  {values.data(), values.data() + values.size()}};
+    }
+    validate(*made);
+    made->groups = groups;
+    made->material_libraries = material_libraries;
+    made->face_normals = face_normals;
+    made->mended = mended;
+    new (&mesh) LoadedMesh(std::move(*made));
+}
+
+using Indices = nb::ndarray<const std::uint32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+std::shared_ptr<CurveSet> make_curves(const Table<float, 4> &points, const Indices &segments) {
     auto curves = std::make_shared<CurveSet>();
     assign<4>(curves->points, points);
     curves->segments.assign(segments.data(), segments.data() + segments.size());
@@ -166,6 +214,17 @@ std::shared_ptr<Image> make_image(const Pixels &pixels, bool srgb) {
     throw std::invalid_argument("pixels must be uint8, float16 or float32");
 }
 
+using ImageState = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t, bool, int,
+                              nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>>;
+
+void restore_image(Image &image, const ImageState &state) {
+    const auto &[width, height, channels, srgb, type, words] = state;
+    if (width == 0 || height == 0 || (channels != 1 && channels != 3) || type < 0 || type > 2)
+        throw std::invalid_argument("this is not the state of an image");
+    new (&image)
+        Image(width, height, channels, srgb, static_cast<TexelType>(type), {words.data(), words.size()});
+}
+
 } // namespace
 
 void bind_meshes(nb::module_ &m) {
@@ -180,34 +239,25 @@ void bind_meshes(nb::module_ &m) {
         .def_prop_ro(
             "vertices",
             [](nb::handle self) {
-                const auto &mesh = nb::cast<const LoadedMesh &>(self);
-                return view(self, reinterpret_cast<const float *>(mesh.positions.data()),
-                            {mesh.positions.size(), 3});
+                return rows_of<float, 3>(self, nb::cast<const LoadedMesh &>(self).positions);
             },
             nb::sig("def vertices(self, /) -> numpy.typing.NDArray[numpy.float32]"))
         .def_prop_ro(
             "faces",
             [](nb::handle self) {
-                const auto &mesh = nb::cast<const LoadedMesh &>(self);
-                return view(self, reinterpret_cast<const std::uint32_t *>(mesh.triangles.data()),
-                            {mesh.triangles.size(), 3});
+                return rows_of<std::uint32_t, 3>(self, nb::cast<const LoadedMesh &>(self).triangles);
             },
             nb::sig("def faces(self, /) -> numpy.typing.NDArray[numpy.uint32]"))
         .def_prop_ro(
             "normals",
-            [](nb::handle self) -> nb::object {
-                const auto &mesh = nb::cast<const LoadedMesh &>(self);
-                if (mesh.normals.empty()) return nb::none();
-                return view(self, reinterpret_cast<const float *>(mesh.normals.data()),
-                            {mesh.normals.size(), 3});
+            [](nb::handle self) {
+                return rows_or_none<float, 3>(self, nb::cast<const LoadedMesh &>(self).normals);
             },
             nb::sig("def normals(self, /) -> numpy.typing.NDArray[numpy.float32] | None"))
         .def_prop_ro(
             "uvs",
-            [](nb::handle self) -> nb::object {
-                const auto &mesh = nb::cast<const LoadedMesh &>(self);
-                if (mesh.uvs.empty()) return nb::none();
-                return view(self, reinterpret_cast<const float *>(mesh.uvs.data()), {mesh.uvs.size(), 2});
+            [](nb::handle self) {
+                return rows_or_none<float, 2>(self, nb::cast<const LoadedMesh &>(self).uvs);
             },
             nb::sig("def uvs(self, /) -> numpy.typing.NDArray[numpy.float32] | None"))
         .def_prop_ro("attributes", &attributes,
@@ -224,19 +274,26 @@ void bind_meshes(nb::module_ &m) {
         .def_ro("face_normals", &LoadedMesh::face_normals, "Whether the file asks for flat faces.")
         .def_ro("mended", &LoadedMesh::mended,
                 "Whether the file has concave polygons or lacks values: other programs may make something "
-                "else of it.");
+                "else of it.")
+        .def("__getstate__", &mesh_state)
+        .def("__setstate__", &restore_mesh);
 
     nb::class_<CurveSet>(m, "Curves", "Control points of curves.")
         .def(nb::new_(&make_curves), "points"_a, "segments"_a,
              "points (N, 4) float32: x, y, z, radius; segments (M,) uint32: the first control point of each.")
         .def_prop_ro(
             "points",
-            [](nb::handle self) {
-                const auto &curves = nb::cast<const CurveSet &>(self);
-                return view(self, reinterpret_cast<const float *>(curves.points.data()),
-                            {curves.points.size(), 4});
-            },
-            nb::sig("def points(self, /) -> numpy.typing.NDArray[numpy.float32]"));
+            [](nb::handle self) { return rows_of<float, 4>(self, nb::cast<const CurveSet &>(self).points); },
+            nb::sig("def points(self, /) -> numpy.typing.NDArray[numpy.float32]"))
+        .def("__getstate__",
+             [](nb::handle self) {
+                 const auto &curves = nb::cast<const CurveSet &>(self);
+                 return nb::make_tuple(rows_of<float, 4>(self, curves.points),
+                                       view(self, curves.segments.data(), {curves.segments.size()}));
+             })
+        .def("__setstate__", [](CurveSet &curves, const std::tuple<Table<float, 4>, Indices> &state) {
+            new (&curves) CurveSet(std::move(*std::apply(&make_curves, state)));
+        });
 
     nb::class_<Image>(m, "Image", "Pixels of a texture.")
         .def(nb::new_(&make_image), "pixels"_a, "srgb"_a = false,
@@ -247,7 +304,15 @@ void bind_meshes(nb::module_ &m) {
         .def_ro("height", &Image::height)
         .def_ro("channels", &Image::channels)
         .def("bounds", &Image::bounds,
-             "(least, largest) value of any texel; (0, 1) for uint8, infinite where one is not a number.");
+             "(least, largest) value of any texel; (0, 1) for uint8, infinite where one is not a number.")
+        .def("__getstate__",
+             [](nb::handle self) {
+                 const auto &image = nb::cast<const Image &>(self);
+                 return nb::make_tuple(image.width, image.height, image.channels, image.srgb,
+                                       static_cast<int>(image.type),
+                                       view(self, image.words(), {image.bytes() / sizeof(std::int32_t)}));
+             })
+        .def("__setstate__", &restore_image);
 
     m.def(
         "load_obj",

@@ -9,7 +9,6 @@
 
 #include <memory>
 
-#include "engine/accumulator.h"
 #include "engine/renderable.h"
 #include "python/values.h"
 
@@ -38,20 +37,20 @@ std::shared_ptr<EntryColumn> make_column(const Numbers &rows) {
     return column;
 }
 
+// Its rows, as a view of the column's memory, and whether they are whole numbers.
+nb::tuple column_state(nb::handle self) {
+    const auto &column = nb::cast<const EntryColumn &>(self);
+    std::vector<std::size_t> shape{column.rows};
+    shape.insert(shape.end(), column.shape.begin(), column.shape.end());
+    const nb::ndarray<nb::numpy, const double> rows(column.numbers.data(), shape.size(), shape.data(), self);
+    return nb::make_tuple(nb::cast(rows, nb::rv_policy::reference), column.integer);
+}
+
 std::shared_ptr<RenderableScene> make_scene(const nb::dict &description) {
     return with_dict(description, [](const Dict &dict) {
         const nb::gil_scoped_release release;
         return build_scene(dict);
     });
-}
-
-nb::object image_of(const Accumulator &render) {
-    auto image = std::make_unique<std::vector<float>>(render.image());
-    float *const data = image->data();
-    const nb::capsule owner(image.release(),
-                            [](void *p) noexcept { delete static_cast<std::vector<float> *>(p); });
-    return nb::cast(
-        nb::ndarray<nb::numpy, float>(data, {render.height(), render.width(), render.channels()}, owner));
 }
 
 std::tuple<float, float, float> replay_sample(const RenderableScene &self, std::uint32_t seed,
@@ -81,10 +80,24 @@ void bind_scene(nb::module_ &m) {
                 if (i >= column.rows) throw nb::index_error("there is no such row");
                 return object_of(column.row(i));
             },
-            "index"_a, "The value of one of the entries.");
+            "index"_a, "The value of one of the entries.")
+        .def("__getstate__", &column_state)
+        .def("__setstate__", [](EntryColumn &column, const std::tuple<Numbers, bool> &state) {
+            const auto &[rows, integer] = state;
+            new (&column) EntryColumn(std::move(*make_column(rows)));
+            column.integer = integer;
+        });
     nb::class_<RenderableScene>(m, "Scene", "A scene that can be rendered; it never changes.")
         .def(nb::new_(&make_scene), "description"_a,
              "Builds the scene that a description holds. Raises DescriptionError.")
+        .def(
+            "with_output",
+            [](const RenderableScene &self, const nb::dict &description) {
+                return with_dict(description, [&](const Dict &dict) { return with_output(self, dict); });
+            },
+            "description"_a,
+            "The same scene with another output, which costs nothing: the entries integrator, "
+            "other_integrators and channels of a description. Raises DescriptionError.")
         .def_prop_ro(
             "width", [](const RenderableScene &s) { return s.scene->film().crop_width; },
             "of the crop window")
@@ -110,28 +123,6 @@ void bind_scene(nb::module_ &m) {
         .def(
             "summary", [](const RenderableScene &s) { return object_of(summary(s)); },
             "Counts of what is in it, and its size in bytes.");
-
-    nb::class_<Accumulator>(m, "Render", "The running mean of a scene's samples.")
-        .def(nb::init<const RenderableScene &, std::optional<std::uint32_t>>(), "scene"_a,
-             "seed"_a = nb::none(), nb::keep_alive<1, 2>())
-        .def("add", &Accumulator::add, "first_sample"_a, "count"_a, "threads"_a = 0, "one_lane"_a = false,
-             nb::call_guard<nb::gil_scoped_release>(),
-             "Adds samples first_sample ... first_sample + count - 1 of every pixel. Returns False, and "
-             "changes nothing, "
-             "where cancel() was called meanwhile. threads = 0 uses them all; one_lane follows one path "
-             "after the "
-             "other, which gives the same bits.")
-        .def("cancel", &Accumulator::cancel, "Stops add(), from another thread.")
-        .def_prop_ro("progress", &Accumulator::progress, "Finished fraction of the running add().")
-        .def("image", &image_of, nb::sig("def image(self) -> numpy.typing.NDArray[numpy.float32]"),
-             "Mean of the samples: float32 (height, width, 3 + number of channels); the first three are "
-             "linear "
-             "sRGB.")
-        .def_prop_ro("samples", &Accumulator::samples, "Samples per pixel so far.")
-        .def_prop_ro("rays", &Accumulator::rays, "Rays traced so far.")
-        .def_prop_ro("nonfinite", &Accumulator::nonfinite,
-                     "Samples that were NaN or infinite; they count as black.")
-        .def_prop_ro("nonfinite_list", &Accumulator::nonfinite_list, "(x, y, sample) of the first of them.");
 
     m.def("sample_radiance", &replay_sample, "scene"_a, "seed"_a, "x"_a, "y"_a, "sample"_a,
           "Radiance (r, g, b) of one sample of one pixel; x and y count over the whole film.");

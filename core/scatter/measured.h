@@ -31,9 +31,10 @@ public:
     explicit Measurement(MeasuredTables tables) // throws std::invalid_argument if they do not match
         : tables_((check(tables), std::move(tables))), isotropic_(tables_.phi.size() <= 2),
           fold_(isotropic_ ? 1 : std::lround(2 * pi / (tables_.phi.back() - tables_.phi.front()))),
-          roughness_(roughness_of(tables_.ndf)), vndf_(std::move(tables_.vndf.nodes), tables_.vndf.grid),
-          luminance_(std::move(tables_.luminance.nodes), tables_.luminance.grid) {}
+          roughness_(roughness_of(tables_.ndf)), vndf_(tables_.vndf.nodes, tables_.vndf.grid),
+          luminance_(tables_.luminance.nodes, tables_.luminance.grid) {}
 
+    const MeasuredTables &tables() const { return tables_; }
     float roughness() const { return roughness_; }
 
     template <class Float>
@@ -62,7 +63,7 @@ public:
     }
 
 private:
-    MeasuredTables tables_; // without the nodes of the two warps
+    MeasuredTables tables_;
     bool isotropic_;
     long fold_; // 2: half of all azimuths were measured, by symmetry; 4: a quarter
     float roughness_;

@@ -4,79 +4,37 @@
 #include <chrono>
 
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/global_control.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
-#if defined(__SSE__)
-#include <immintrin.h>
-#endif
-
+#include "transport/tiles.h"
 #include "transport/wavefront.h"
 
 namespace lajolla {
 
 namespace {
 
-constexpr int tile_size = 16;
-
-// Denormal numbers cost hundreds of cycles and no picture shows them.
-class FlushToZero {
-public:
-#if defined(__SSE__)
-    FlushToZero() : saved_(_mm_getcsr()) { _mm_setcsr(saved_ | 0x8040); } // flush-to-zero, denormals-are-zero
-    ~FlushToZero() { _mm_setcsr(saved_); }
-    FlushToZero(const FlushToZero &) = delete;
-    FlushToZero &operator=(const FlushToZero &) = delete;
-
-private:
-    unsigned saved_;
-#endif
-};
-
-struct Tile {
-    int x0, y0, x1, y1; // within the crop window
-};
-
-std::vector<Tile> tiles_of(const Film &film) {
-    std::vector<Tile> tiles;
-    for (int y = 0; y < film.crop_height; y += tile_size)
-        for (int x = 0; x < film.crop_width; x += tile_size)
-            tiles.push_back(
-                {x, y, std::min(x + tile_size, film.crop_width), std::min(y + tile_size, film.crop_height)});
-    return tiles;
-}
-
-// Calls f(tile index, tile) for all tiles on the given number of threads.
-template <class F>
-void for_each_tile(const std::vector<Tile> &tiles, int threads, F &&f) {
-    const auto run = [&] {
-        tbb::parallel_for(std::size_t(0), tiles.size(), [&](std::size_t i) {
-            const FlushToZero guard;
-            f(i, tiles[i]);
-        });
-    };
-    if (threads <= 0) return run();
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                    static_cast<std::size_t>(threads));
-    tbb::task_arena(threads).execute(run);
-}
-
 FilmSample<float> film_sample(const Scene &scene, const Sampler &sampler, const SampleId &id) {
     return sample_film(scene, sampler.camera(), static_cast<float>(id.x), static_cast<float>(id.y));
 }
 
-// Takes the samples of one tile, pixel by pixel, and adds them to the sums.
+// Adds the samples of one tile to its sums.
 class TileAccumulator {
 public:
-    TileAccumulator(const Scene &scene, const Output &output, std::span<double> sums, Tracer &tracer,
+    TileAccumulator(const Scene &scene, const Output &output, const Tile &tile, Tracer &tracer,
                     Report &report)
-        : scene_(scene), output_(output), recorder_(output), sums_(sums), tracer_(tracer), report_(report) {}
+        : scene_(scene), recorder_(output), tracer_(tracer), report_(report),
+          channels_(output.channel_count()),
+          left_(static_cast<std::uint32_t>(scene.film().crop_offset_x + tile.x0)),
+          top_(static_cast<std::uint32_t>(scene.film().crop_offset_y + tile.y0)),
+          width_(static_cast<std::size_t>(tile.x1 - tile.x0)),
+          sums_(channels_ * width_ * static_cast<std::size_t>(tile.y1 - tile.y0)) {}
 
-    // `value` is what the picture's integrator found; the channels beside it are recorded here.
+    const Sums &sums() const { return sums_; }
+
+    // `value` is what the picture's integrator found, and `groups` the same by light groups; the channels
+    // beside it are recorded here.
     void add(const SampleId &id, const Sampler &sampler, PrimaryRay &primary, const Spectrum &value,
-             float weight) {
-        add(id, value, weight, recorder_.record(scene_, sampler, primary, value, tracer_));
+             std::span<const Spectrum> groups, float weight) {
+        add(id, value, weight, recorder_.record(scene_, sampler, primary, value, groups, weight, tracer_));
     }
     void add(const SampleId &id, const Spectrum &value, float weight, std::span<const float> rest = {}) {
         if (!is_finite(value) || !std::ranges::all_of(rest, [](float v) { return std::isfinite(v); }))
@@ -86,64 +44,79 @@ public:
                 report_.nonfinite_samples.push_back(id);
             return;
         }
-        const Film &film = scene_.film();
-        const std::size_t x = id.x - static_cast<std::uint32_t>(film.crop_offset_x),
-                          y = id.y - static_cast<std::uint32_t>(film.crop_offset_y);
-        double *sum = &sums_[output_.channel_count() * (y * static_cast<std::size_t>(film.crop_width) + x)];
-        sum[0] += value.x * weight, sum[1] += value.y * weight, sum[2] += value.z * weight;
-        for (std::size_t c = 0; c < rest.size(); ++c) sum[3 + c] += rest[c] * weight;
+        const std::size_t first = channels_ * ((id.y - top_) * width_ + (id.x - left_));
+        sums_.add(first, value.x * weight);
+        sums_.add(first + 1, value.y * weight);
+        sums_.add(first + 2, value.z * weight);
+        for (std::size_t c = 0; c < rest.size(); ++c) sums_.add(first + 3 + c, rest[c] * weight);
     }
 
 private:
     const Scene &scene_;
-    const Output &output_;
     ChannelRecorder recorder_;
-    std::span<double> sums_;
     Tracer &tracer_;
     Report &report_;
+    std::size_t channels_;
+    std::uint32_t left_, top_;
+    std::size_t width_;
+    Sums sums_;
 };
 
 // The samples of a tile in order: all of a pixel, then those of the next.
 class TileSamples {
 public:
-    TileSamples(const Film &film, const Tile &tile, const Job &job)
-        : left_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x0)),
-          right_(static_cast<std::uint32_t>(film.crop_offset_x + tile.x1)), first_(job.first),
-          end_(job.first + job.count), count_(static_cast<std::uint64_t>(tile.x1 - tile.x0) *
-                                              static_cast<std::uint64_t>(tile.y1 - tile.y0) * job.count),
-          next_{left_, static_cast<std::uint32_t>(film.crop_offset_y + tile.y0), job.first} {}
+    TileSamples(const Film &film, const Tile &tile, const SampleRanges &ranges)
+        : ranges_(ranges), left_x_(static_cast<std::uint32_t>(tile.x0)),
+          right_x_(static_cast<std::uint32_t>(tile.x1)), x_(left_x_), y_(static_cast<std::uint32_t>(tile.y0)),
+          offset_x_(static_cast<std::uint32_t>(film.crop_offset_x)),
+          offset_y_(static_cast<std::uint32_t>(film.crop_offset_y)), range_(ranges.at(x_, y_)),
+          left_(sample_count(tile, ranges)) {}
 
-    std::uint64_t left() const { return count_; }
+    std::uint64_t left() const { return left_; }
     SampleId take() {
-        const SampleId result = next_;
-        --count_;
-        if (++next_.index == end_) {
-            next_.index = first_;
-            if (++next_.x == right_) next_.x = left_, ++next_.y;
+        while (range_.size() == 0) {
+            if (++x_ == right_x_) x_ = left_x_, ++y_;
+            range_ = ranges_.at(x_, y_);
         }
-        return result;
+        --left_;
+        return {offset_x_ + x_, offset_y_ + y_, range_.first++};
     }
-    // Whether the sample after which take() was called last is the last of its pixel.
-    bool pixel_is_done() const { return next_.index == first_; }
 
 private:
-    std::uint32_t left_, right_, first_, end_;
-    std::uint64_t count_;
-    SampleId next_;
+    const SampleRanges &ranges_;
+    std::uint32_t left_x_, right_x_;
+    std::uint32_t x_, y_; // the current pixel, within the crop window
+    std::uint32_t offset_x_, offset_y_;
+    SampleRange range_; // of the current pixel, without those that were taken
+    std::uint64_t left_;
 };
+
+// For the radiance of one sample by light groups; empty if no channel needs it.
+std::vector<Spectrum> group_sums(const Scene &scene, const Output &output) {
+    return std::vector<Spectrum>(output.has_light_groups() ? scene.light_group_count() : 0);
+}
 
 // Depth first, one path after the other. Stops where the job is cancelled.
 template <class Model>
-void render_one_by_one(const Scene &scene, const Model &integrator, TileSamples &samples, const Job &job,
-                       Progress &progress, Tracer &tracer, TileAccumulator &sums) {
+void render_one_by_one(const Scene &scene, const Model &integrator, const Output &output,
+                       TileSamples &samples, const Job &job, Progress &progress, Tracer &tracer,
+                       TileAccumulator &sums) {
+    std::vector<Spectrum> groups = group_sums(scene, output);
     while (samples.left() > 0) {
         if (progress.cancelled.load(std::memory_order_relaxed)) return;
         const SampleId id = samples.take();
         const Sampler sampler(job.sequence, job.seed, id.x, id.y, id.index);
         const auto [camera, weight] = film_sample(scene, sampler, id);
         PrimaryRay primary(scene, tracer, camera);
-        sums.add(id, sampler, primary, integrator.radiance(scene, tracer, sampler, primary), weight);
-        if (samples.pixel_is_done()) progress.pixels.fetch_add(1, std::memory_order_relaxed);
+        std::ranges::fill(groups, Spectrum(0));
+        const LightGroups by_group(scene, groups);
+        const auto radiance = [&] {
+            if constexpr (requires { integrator.radiance(scene, tracer, sampler, primary, by_group); })
+                return integrator.radiance(scene, tracer, sampler, primary, by_group);
+            else return integrator.radiance(scene, tracer, sampler, primary);
+        };
+        sums.add(id, sampler, primary, radiance(), groups, weight);
+        progress.samples.fetch_add(1, std::memory_order_relaxed);
     }
 }
 
@@ -153,16 +126,15 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
     std::array<SampleId, Wavefront::capacity> ids;
     std::array<Spectrum, Wavefront::capacity> radiance;
     std::array<float, Wavefront::capacity> weights;
+    const std::size_t group_count = group_sums(scene, output).size();
+    std::vector<Spectrum> groups(group_count * Wavefront::capacity);
     while (samples.left() > 0) {
         if (progress.cancelled.load(std::memory_order_relaxed)) return;
         const auto count =
             static_cast<std::size_t>(std::min<std::uint64_t>(samples.left(), Wavefront::capacity));
-        std::uint64_t pixels = 0;
-        for (std::size_t i = 0; i < count; ++i) {
-            ids[i] = samples.take();
-            pixels += samples.pixel_is_done();
-        }
-        wavefront.render(std::span(ids).first(count), job.sequence, job.seed, tracer, radiance, weights);
+        for (std::size_t i = 0; i < count; ++i) ids[i] = samples.take();
+        wavefront.render(std::span(ids).first(count), job.sequence, job.seed, tracer, radiance, weights,
+                         groups);
         for (std::size_t i = 0; i < count; ++i) {
             if (output.channels.empty()) {
                 sums.add(ids[i], radiance[i], weights[i]);
@@ -171,40 +143,44 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
             const Sampler sampler(job.sequence, job.seed, ids[i].x, ids[i].y, ids[i].index);
             const CameraRay<float> camera = film_sample(scene, sampler, ids[i]).camera;
             PrimaryRay primary(scene, tracer, camera);
-            sums.add(ids[i], sampler, primary, radiance[i], weights[i]);
+            sums.add(ids[i], sampler, primary, radiance[i],
+                     std::span(groups).subspan(group_count * i, group_count), weights[i]);
         }
-        progress.pixels.fetch_add(pixels, std::memory_order_relaxed);
+        progress.samples.fetch_add(count, std::memory_order_relaxed);
     }
 }
 
-// Renders all tiles; their rays go to `recording` where there is one.
-std::vector<Report> render_tiles(const Scene &scene, const Output &output, const Job &job,
-                                 std::span<double> sums, Progress &progress, Recording *recording) {
+// Renders all tiles; their rays go to `recording` if there is one.
+std::vector<Report> render_tiles(const Scene &scene, const Output &output, const Job &job, Progress &progress,
+                                 const TileDone &done, Recording *recording) {
     const auto tiles = tiles_of(scene.film());
     std::vector<Report> reports(tiles.size());
     if (recording) recording->resize(tiles.size());
-    const auto tile_with = [&](std::size_t i, auto &&render) {
-        Tracer tracer(scene.accel(), recording ? &(*recording)[i] : nullptr);
-        TileAccumulator accumulator(scene, output, sums, tracer, reports[i]);
-        render(TileSamples(scene.film(), tiles[i], job), tracer, accumulator);
-        reports[i].rays = tracer.rays();
+    const auto for_each = [&](auto &&render) {
+        for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &tile) {
+            TileSamples samples(scene.film(), tile, job.ranges);
+            Report report;
+            Tracer tracer(scene.accel(), recording ? &(*recording)[i] : nullptr);
+            TileAccumulator accumulator(scene, output, tile, tracer, report);
+            render(samples, tracer, accumulator);
+            if (samples.left() > 0) return; // cancelled
+            report.rays = tracer.rays();
+            reports[i] = report;
+            done(tile, accumulator.sums());
+        });
     };
     match(output.integrator, [&](const auto &model) {
         if constexpr (std::is_base_of_v<Path, std::decay_t<decltype(model)>>)
             if (!job.one_lane && model.is_vacuum(scene)) {
                 tbb::enumerable_thread_specific<Wavefront> wavefronts(
                     [&] { return Wavefront(scene, model); });
-                return for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &) {
-                    tile_with(i, [&](TileSamples samples, Tracer &tracer, TileAccumulator &accumulator) {
-                        render_in_lanes(scene, wavefronts.local(), output, samples, job, progress, tracer,
-                                        accumulator);
-                    });
+                return for_each([&](TileSamples &samples, Tracer &tracer, TileAccumulator &accumulator) {
+                    render_in_lanes(scene, wavefronts.local(), output, samples, job, progress, tracer,
+                                    accumulator);
                 });
             }
-        for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &) {
-            tile_with(i, [&](TileSamples samples, Tracer &tracer, TileAccumulator &accumulator) {
-                render_one_by_one(scene, model, samples, job, progress, tracer, accumulator);
-            });
+        for_each([&](TileSamples &samples, Tracer &tracer, TileAccumulator &accumulator) {
+            render_one_by_one(scene, model, output, samples, job, progress, tracer, accumulator);
         });
     });
     return reports;
@@ -224,6 +200,25 @@ Report merged(const std::vector<Report> &reports) {
 
 } // namespace
 
+std::vector<Tile> tiles_of(const Film &film) { return tiles_of(film, 0, film.crop_height); }
+
+std::vector<Tile> tiles_of(const Film &film, int first_row, int end_row) {
+    std::vector<Tile> tiles;
+    for (int y = first_row; y < end_row; y += tile_size)
+        for (int x = 0; x < film.crop_width; x += tile_size)
+            tiles.push_back(
+                {x, y, std::min(x + tile_size, film.crop_width), std::min(y + tile_size, end_row)});
+    return tiles;
+}
+
+std::uint64_t sample_count(const Tile &tile, const SampleRanges &ranges) {
+    std::uint64_t result = 0;
+    for (int y = tile.y0; y < tile.y1; ++y)
+        for (int x = tile.x0; x < tile.x1; ++x)
+            result += ranges.at(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y)).size();
+    return result;
+}
+
 Spectrum sample_radiance(const Scene &scene, const Integrator &integrator, SequenceKind sequence,
                          std::uint32_t seed, SampleId id, Tracer &tracer) {
     const FlushToZero guard;
@@ -234,19 +229,16 @@ Spectrum sample_radiance(const Scene &scene, const Integrator &integrator, Seque
                           [&](const auto &model) { return model.radiance(scene, tracer, sampler, primary); });
 }
 
-std::optional<Report> render(const Scene &scene, const Output &output, const Job &job, std::span<double> sums,
-                             Progress &progress) {
-    const auto reports = render_tiles(scene, output, job, sums, progress, nullptr);
-    if (progress.cancelled) return std::nullopt;
-    return merged(reports);
+Report render(const Scene &scene, const Output &output, const Job &job, Progress &progress,
+              const TileDone &done) {
+    return merged(render_tiles(scene, output, job, progress, done, nullptr));
 }
 
 Recording record(const Scene &scene, const Output &output, const Job &job) {
-    std::vector<double> sums(output.channel_count() * static_cast<std::size_t>(scene.film().crop_width) *
-                             static_cast<std::size_t>(scene.film().crop_height));
     Progress progress;
     Recording recording;
-    render_tiles(scene, output, job, sums, progress, &recording);
+    render_tiles(
+        scene, output, job, progress, [](const Tile &, const Sums &) {}, &recording);
     return recording;
 }
 

@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 
     from lajolla import _core as _core
     from lajolla import catalog as catalog
+    from lajolla import checkpoint as checkpoint
     from lajolla import comparison as comparison
     from lajolla import completion as completion
+    from lajolla import denoising as denoising
     from lajolla import film as film
     from lajolla import image as image
     from lajolla import outputs as outputs
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from lajolla import scene as scene
     from lajolla import survey as survey
     from lajolla import whole_files as whole_files
+    from lajolla.denoising import DenoiseError
     from lajolla.image import Image
     from lajolla.limits import OptionError
     from lajolla.loading import Scene, load, load_dict
@@ -41,6 +44,7 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "DenoiseError",
     "Image",
     "ImageError",
     "ImageWarning",
@@ -57,10 +61,11 @@ __all__ = [
 
 # Modules and names are imported when they are first used: `lajolla --help` does without NumPy and the core.
 _MODULES = tuple(
-    "_core catalog comparison completion film image outputs picture_formats render report scene survey "
-    "whole_files".split()
+    "_core catalog checkpoint comparison completion denoising film image outputs picture_formats render "
+    "report scene survey whole_files".split()
 )
 _HOMES = {
+    "DenoiseError": "denoising",
     "Image": "image",
     **dict.fromkeys(("ImageError", "ImageWarning"), "picture_files"),
     "OptionError": "limits",

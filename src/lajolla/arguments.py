@@ -2,17 +2,19 @@
 
 import argparse
 import difflib
+import math
 import re
 import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from lajolla.limits import LIMITS, OptionError, check
+from lajolla.aovs import AOVS, check_aovs
+from lajolla.limits import COMPRESSIONS, LIMITS, OptionError, check
 from lajolla.messages import suggestion
 
 STREAMS = {"-": "stdout", "/dev/stdout": "stdout", "/dev/stderr": "stderr"}
-ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .m"
+ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .npz, .m"
 
 GENERAL = """\
 examples:
@@ -29,10 +31,21 @@ EXAMPLES = {
 examples:
   lajolla render scene.xml --spp 64 --size 640x480 -o small.png
   lajolla render scene.xml -o picture.exr -o picture.jpg --exposure 1
+  lajolla render scene.xml --aov albedo,normal,crypto_material -o layers.exr
   lajolla render scene.xml --pixel 10,20              the radiance of one pixel
+  lajolla render scene.xml --spp 16 --denoise
   lajolla render - -o - --format png < scene.xml > picture.png
+  lajolla render scene.xml --noise 1% --time 2h --checkpoint scene.ckpt
+  lajolla render scene.xml --noise 1% --time 2h --resume scene.ckpt       after a crash
 
-Ctrl-C stops rendering and saves the samples so far.""",
+Ctrl-C stops rendering and saves the samples so far, denoised with --denoise.""",
+    "denoise": """\
+examples:
+  lajolla denoise noisy.exr -o clean.exr
+  lajolla denoise noisy.exr -o clean.png --exposure 1
+
+Layers albedo.R, ... and normal.X, ... of the picture help to keep details. 'lajolla render --denoise' renders
+better ones.""",
     "check": """\
 examples:
   lajolla check scene.xml
@@ -50,6 +63,11 @@ examples:
 
 Prints for red, green and blue: the ratio of the means, the root of the mean squared error (RMSE), and the
 relative MSE, which is the mean of (A - B)^2 / (B^2 + 0.01).""",
+    "merge": """\
+examples:
+  lajolla render scene.xml --spp 512 --checkpoint a.ckpt
+  lajolla render scene.xml --spp 512 --first-sample 512 --checkpoint b.ckpt     on another machine
+  lajolla merge a.ckpt b.ckpt -o scene.exr                1024 samples per pixel""",
     "list": """\
 examples:
   lajolla list                              every plugin by its kind
@@ -110,6 +128,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         parser.error("a command is required: " + ", ".join(commands))
     if arguments.command == "render":
         _check_render(arguments, commands["render"])
+    if arguments.command == "merge" and not arguments.outputs and arguments.checkpoint is None:
+        commands["merge"].error("name a picture to write with -o, or a checkpoint with --checkpoint")
     if arguments.command == "compare" and str(arguments.a) == str(arguments.b) == "-":
         commands["compare"].error("standard input holds one picture, not both")
     if arguments.command == "convert" and arguments.pack and is_standard_output(arguments.target):
@@ -125,15 +145,21 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
     outputs = [str(path) for path in arguments.outputs or []]
     if str(arguments.scene) == "-" and not outputs and arguments.pixel is None:
         parser.error("a scene from standard input has no name for its picture: name it with -o")
+    if arguments.checkpoint is None:
+        arguments.checkpoint = arguments.resume
+    if arguments.denoise and arguments.pixel is not None:
+        parser.error("--denoise cannot be combined with --pixel")
     if "-" in outputs and is_standard_output(arguments.stats):
         parser.error("the picture and --stats cannot both go to standard output")
 
 
 def prints_results(arguments: argparse.Namespace) -> bool:
     """Whether a result of a command goes to standard output."""
-    if arguments.command == "render":
+    if arguments.command in ("render", "merge"):
         named = [*(arguments.outputs or []), arguments.stats]
         return arguments.pixel is not None or any(is_standard_output(path) for path in named)
+    if arguments.command == "denoise":
+        return any(is_standard_output(path) for path in arguments.outputs)
     return arguments.command != "convert" or is_standard_output(arguments.target)
 
 
@@ -161,9 +187,11 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     adders: dict[str, tuple[str, Callable[[Parser], None]]] = {
         "render": ("render a scene", _add_render),
+        "denoise": ("remove noise from a rendered picture", _add_denoise),
         "check": ("open a scene; print statistics and warnings", _add_check),
         "convert": ("write a scene as a file for Mitsuba 3", _add_convert),
         "compare": ("measure the difference between two pictures", _add_compare),
+        "merge": ("add checkpoints of one picture, of disjoint samples", _add_merge),
         "list": ("show the plugins and their parameters", _add_list),
         "completion": ("print a script that completes commands and options in a shell", _add_completion),
     }
@@ -227,11 +255,89 @@ def _add_scene(parser: Parser) -> None:
     group.add_argument(
         "--max-depth", type=_whole("max_depth"), metavar="N", help="longest path in segments; -1: no limit"
     )
+    group.add_argument(
+        "--hide-emitters",
+        action="store_const",
+        const=True,
+        help="lights are invisible to the camera, and alpha is 0 where there is nothing else",
+    )
+    group.add_argument(
+        "--aov",
+        dest="aovs",
+        type=_aovs,
+        action="extend",
+        default=[],
+        metavar="NAME,...",
+        help=f"variables in layers of their own, in .exr and .npz files; repeatable: {', '.join(AOVS)}",
+    )
 
 
 def _add_render(parser: Parser) -> None:
     _add_scene(parser)
     parser.set_defaults(suffix="")
+    group = _add_output(
+        parser,
+        default=" (default: the scene's name with the endings for its film, usually .exr and .png)",
+    )
+    group.add_argument(
+        "--all-sensors",
+        action="store_true",
+        help="render one picture per sensor; its id or number is appended to file names",
+    )
+    group.add_argument(
+        "--denoise",
+        action="store_true",
+        help="remove noise with Open Image Denoise (pip install 'lajolla[denoise]'); EXR files keep the "
+        "noisy picture as a layer",
+    )
+    group = parser.add_argument_group(
+        "end (at the first of --spp, --time and --noise; default: the scene's spp)"
+    )
+    group.add_argument("--time", type=_seconds, metavar="90s|5m|1h", help="time for rendering")
+    group.add_argument(
+        "--noise",
+        type=_noise,
+        metavar="X",
+        help="relative error of the picture, as estimated from its samples: 0.01 is hardly visible",
+    )
+    group.add_argument(
+        "--adaptive",
+        action=argparse.BooleanOptionalAction,
+        help="take more samples where the error is larger; --spp is then a mean (default: with --noise)",
+    )
+    group = parser.add_argument_group("checkpoints (docs/rendering.md)")
+    group.add_argument(
+        "--checkpoint", type=Path, metavar="FILE", help="file for the samples so far, written again and again"
+    )
+    group.add_argument(
+        "--every", type=_seconds, default=60.0, metavar="TIME", help="how often (default: 60s)"
+    )
+    group.add_argument(
+        "--resume", type=Path, metavar="FILE", help="go on where this checkpoint ends, and write it again"
+    )
+    group.add_argument(
+        "--first-sample",
+        type=_whole("sample"),
+        default=0,
+        metavar="N",
+        help="begin with this sample of each pixel, to render one picture in parts, for `lajolla merge`",
+    )
+    group = _add_run(parser)
+    group.add_argument(
+        "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
+    )
+    group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
+    group.add_argument("--sample", type=_whole("sample"), metavar="N", help="with --pixel: only this sample")
+
+
+def _add_denoise(parser: Parser) -> None:
+    parser.add_argument("picture", type=Path, metavar="PICTURE", help="picture; - reads standard input")
+    _add_output(parser, default="", required=True)
+    _add_run(parser)
+
+
+def _add_output(parser: Parser, *, default: str, required: bool = False) -> argparse._ArgumentGroup:
+    """Adds the options of written pictures; returns their group."""
     group = parser.add_argument_group("output")
     group.add_argument(
         "-o",
@@ -239,21 +345,22 @@ def _add_render(parser: Parser) -> None:
         dest="outputs",
         type=Path,
         action="append",
+        required=required,
         metavar="OUT",
-        help=f"picture to write, {ENDINGS} and others; - is standard output; repeatable (default: the "
-        "scene's name with the endings for its film, usually .exr and .png)",
+        help=f"picture to write, {ENDINGS} and others; - is standard output; repeatable{default}",
     )
     group.add_argument(
         "--format",
         metavar="NAME",
         help="exr, png, ...: format of outputs without a known ending",
     )
+    group.add_argument("--half", action="store_true", help="16-bit instead of 32-bit colours in EXR")
     group.add_argument(
-        "--all-sensors",
-        action="store_true",
-        help="render one picture per sensor; its id or number is appended to file names",
+        "--compression",
+        choices=COMPRESSIONS,
+        default="zip",
+        help="of EXR (default: zip); pxr24, b44 and dwa are not exact",
     )
-    group.add_argument("--half", action="store_true", help="16-bit instead of 32-bit EXR")
     group.add_argument(
         "--exposure",
         type=_finite,
@@ -266,16 +373,17 @@ def _add_render(parser: Parser) -> None:
         choices=("gamma", "reinhard"),
         help="tone mapping instead of the film's: exposure only, or Reinhard et al. 2002",
     )
+    return group
+
+
+def _add_run(parser: Parser) -> argparse._ArgumentGroup:
+    """Adds the options of how to run; returns their group."""
     group = parser.add_argument_group("run")
     group.add_argument(
         "--threads", type=_whole("threads"), metavar="N", help="number of threads (default: all)"
     )
     group.add_argument("--quiet", action="store_true", help="print warnings and errors only")
-    group.add_argument(
-        "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
-    )
-    group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
-    group.add_argument("--sample", type=_whole("sample"), metavar="N", help="with --pixel: only this sample")
+    return group
 
 
 def _add_check(parser: Parser) -> None:
@@ -301,6 +409,15 @@ def _add_convert(parser: Parser) -> None:
         action="store_true",
         help="copy all meshes as PLY into the folder of OUT instead of referring to those of SCENE",
     )
+
+
+def _add_merge(parser: Parser) -> None:
+    parser.add_argument(
+        "files", type=Path, nargs="+", metavar="CHECKPOINT", help="written by lajolla render --checkpoint"
+    )
+    _add_output(parser, default="")
+    parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="also write the sum as a checkpoint")
+    parser.set_defaults(stats=None, pixel=None, resume=None)
 
 
 def _add_compare(parser: Parser) -> None:
@@ -356,8 +473,37 @@ def _crop(text: str) -> tuple[int, ...]:
     return _numbers("crop", text, ",", "X,Y,WIDTH,HEIGHT, such as 0,0,64,64")
 
 
+def _aovs(text: str) -> tuple[str, ...]:
+    try:
+        return check_aovs(name.strip() for name in text.split(","))
+    except OptionError as problem:
+        raise argparse.ArgumentTypeError(str(problem)) from None
+
+
 def _pixel(text: str) -> tuple[int, ...]:
     return _numbers("pixel", text, ",", "X,Y, such as 10,20")
+
+
+SECONDS = {"": 1, "s": 1, "m": 60, "min": 60, "h": 3600, "d": 86400}
+
+
+def _seconds(text: str) -> float:
+    found = re.fullmatch(r"(\d+(?:\.\d*)?|\.\d+)\s*([a-z]*)", text.strip().lower())
+    if found is None or found[2] not in SECONDS or not float(found[1]) > 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a time, such as 90s, 5m or 1.5h")
+    return float(found[1]) * SECONDS[found[2]]
+
+
+def _noise(text: str) -> float:
+    try:
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < 1:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a relative error between 0 and 1, such as 0.01 or 1%"
+        )
+    return value
 
 
 def _finite(text: str) -> float:
@@ -404,7 +550,9 @@ def _for_sensor(arguments: argparse.Namespace, number: int | None, suffix: str) 
     result = argparse.Namespace(**vars(arguments))
     result.all_sensors, result.sensor, result.suffix = False, number, suffix
     result.outputs = [_with_suffix(path, suffix) for path in arguments.outputs or []]
-    result.stats = arguments.stats and _with_suffix(arguments.stats, suffix)
+    for name in ("stats", "checkpoint", "resume"):
+        path = getattr(arguments, name)
+        setattr(result, name, path and _with_suffix(path, suffix))
     return result
 
 
@@ -431,4 +579,6 @@ def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -
             words += ["--" + flag.replace("_", "-"), str(getattr(arguments, flag))]
     if arguments.two_sided:
         words += ["--two-sided"]
+    if arguments.hide_emitters:
+        words += ["--hide-emitters"]
     return shlex.join([*words, "--pixel", f"{x},{y}", "--sample", str(sample)])

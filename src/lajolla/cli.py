@@ -1,4 +1,4 @@
-"""The command line: `lajolla render`, `check`, `convert`, `compare`, `list` and `completion`.
+"""The command line: `lajolla render`, `denoise`, `check` and so on.
 
 Results go to standard output, everything else to standard error. Every error of the user's is one message and
 exit code 1; an interrupted command ends with 128 + the signal's number, as in a shell.
@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
 import os
 import resource
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
@@ -28,6 +29,7 @@ from lajolla.arguments import (
     replay_command,
 )
 from lajolla.display import (
+    Observer,
     coloured,
     discard,
     is_closed,
@@ -38,6 +40,10 @@ from lajolla.display import (
     say,
 )
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
+
+TYPE_CHECKING = False  # as in `lajolla`
+if TYPE_CHECKING:
+    from lajolla.colour import FloatImage
 
 LEAST_MEMORY = (
     384 << 20
@@ -124,6 +130,8 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
             integrator=arguments.integrator,
             max_depth=arguments.max_depth,
             sensor=arguments.sensor,
+            hide_emitters=arguments.hide_emitters,
+            aovs=arguments.aovs,
         )
 
 
@@ -146,6 +154,8 @@ def command_render(arguments: argparse.Namespace) -> int:
         return _render_each_sensor(arguments)
     if arguments.pixel is None:
         lajolla.outputs.check(arguments)
+    if arguments.denoise:
+        lajolla.denoising.check_available()
     scene = load(arguments)
     for warning in scene.warnings:
         print_message(warning)
@@ -156,44 +166,84 @@ def command_render(arguments: argparse.Namespace) -> int:
     outputs = lajolla.outputs.outputs_of(arguments, scene.film)
     for output in outputs:
         output.check()
-        output.check_space(scene)
-    if scene.core.channels and not any(output.holds_channels for output in outputs):
-        holding = " and ".join(lajolla.picture_formats.HOLD_CHANNELS)
-        say(f"warning: only {holding} files hold all channels of this scene")
-    rendering = scene.rendering(threads=arguments.threads)
+        output.check_space(scene, layers=9 if arguments.denoise else 0)
+    has_more = scene.core.channels or scene.aovs
+    if has_more and not any(output.holds_channels for output in outputs):
+        *some, last = lajolla.picture_formats.HOLD_CHANNELS
+        say(f"warning: only {', '.join(some)} and {last} files hold all channels")
+    rendering = scene.rendering(
+        spp=arguments.spp,
+        seconds=arguments.time,
+        noise=arguments.noise,
+        adaptive=arguments.adaptive,
+        threads=arguments.threads,
+        first_sample=arguments.first_sample,
+    )
+    if arguments.resume is not None:
+        lajolla.checkpoint.resume(rendering, arguments.resume)
+    saver = arguments.checkpoint and lajolla.checkpoint.Saver(
+        rendering, arguments.checkpoint, arguments.every
+    )
+    displayed = partial(progress_display, pixels=scene.width * scene.height, quiet=arguments.quiet)
     patience = Patience("the picture")
+    features = None
     with handled_by(patience):
-        with (
-            suppress(Interrupt),
-            progress_display(pixels=scene.width * scene.height, quiet=arguments.quiet) as observe,
-        ):
-            rendering.run(patience.stopping(observe))
+        with suppress(Interrupt):
+            if arguments.denoise:  # first, so that an interrupted picture can be denoised too
+                with displayed(label="features: ") as observe:
+                    features = scene.features(threads=arguments.threads, observe=patience.stopping(observe))
+            with displayed() as observe:
+                rendering.run(patience.stopping(_saving(saver, observe)))
         if rendering.samples == 0 and patience.interrupt is not None:
             raise patience.interrupt
-        patience.save(_save, outputs, scene, rendering, arguments)
+        patience.save(_save, outputs, scene, rendering, features, arguments, saver)
         names = ", ".join(str(output) for output in outputs)
         if patience.interrupt is not None:
-            lost = f"; {rendering.lost} more, of the running pass, are lost" if rendering.lost else ""
-            done = f"{rendering.samples} of {rendering.spp} samples per pixel"
-            say(f"interrupted; wrote {names} with {done}{lost}")
+            say(f"interrupted; wrote {names} ({_summary(scene, rendering)})")
             return patience.interrupt.exit_code
         if not arguments.quiet:
             say(f"wrote {names} ({_summary(scene, rendering)})")
     return 0
 
 
+def _saving(saver: lajolla.checkpoint.Saver | None, observe: Observer) -> Observer:
+    """An observer that also writes checkpoints when they are due; an error is told, and rendering goes on."""
+    if saver is None:
+        return observe
+
+    def observe_and_save(progress: lajolla.Progress) -> None:
+        observe(progress)
+        if (error := saver.write_if_due()) is not None:
+            say(f"warning: {error}")
+
+    return observe_and_save
+
+
 def _save(
     outputs: Sequence[lajolla.outputs.Output],
     scene: lajolla.Scene,
     rendering: lajolla.Rendering,
+    features: Mapping[str, FloatImage] | None,
     arguments: argparse.Namespace,
+    saver: lajolla.checkpoint.Saver | None,
 ) -> None:
-    """Writes all outputs of a render."""
-    lajolla.outputs.write_pictures(outputs, rendering.image(), arguments)
+    """Writes all outputs of a render, denoised if there are features."""
+    picture, failure = rendering.image(), None
+    if features is not None:
+        try:
+            picture = picture.denoise(features, threads=arguments.threads)
+        except lajolla.DenoiseError as problem:
+            failure = lajolla.DenoiseError(f"{problem}; the picture was saved as rendered")
+    with ExitStack() as last:
+        if saver is not None:
+            last.callback(saver.write)  # even if a picture cannot be written
+        lajolla.outputs.write_pictures(outputs, picture, arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         stats = lajolla.outputs.statistics(scene, rendering)
         lajolla.outputs.write_statistics(arguments.stats, stats)
+    if failure is not None:
+        raise failure
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
@@ -218,8 +268,13 @@ def _render_each_sensor(arguments: argparse.Namespace) -> int:
 
 def _summary(scene: lajolla.Scene, rendering: lajolla.Rendering) -> str:
     stats = lajolla.outputs.statistics(scene, rendering)
+    missing = f" of {rendering.rules.spp}" if rendering.samples < (rendering.rules.spp or 0) else ""
+    samples = f"{rendering.samples:.4g}{missing} samples per pixel"
+    if stats["fewest_samples"] < stats["most_samples"]:
+        samples += f" ({stats['fewest_samples']} to {stats['most_samples']})"
+    noise = f"noise {rendering.noise:.2g}, " if math.isfinite(rendering.noise) else ""
     return (
-        f"{rendering.samples} samples per pixel in {rendering.seconds:.1f} s, "
+        f"{samples} in {rendering.seconds:.1f} s, {noise}"
         f"{rate(stats['samples_per_second'], 'samples')}, {rate(stats['rays_per_second'], 'rays')}"
     )
 
@@ -233,7 +288,46 @@ def _report_nonfinite(rendering: lajolla.Rendering, arguments: argparse.Namespac
     say(f"the first is sample {sample} of pixel {x},{y}: {replay_command(arguments, x, y, sample)}")
 
 
-# --- convert, check, compare, list --------------------------------------------------------------------------
+def command_merge(arguments: argparse.Namespace) -> int:
+    outputs = lajolla.outputs.outputs_of(arguments)
+    lajolla.outputs.check(arguments)
+    for output in outputs:
+        output.check()
+    files = {path: lajolla.checkpoint.read(path) for path in dict.fromkeys(arguments.files)}
+    result = lajolla.checkpoint.merged(files)
+    if result.left_out:
+        say(f"warning: {', '.join(result.left_out)} left out, which only a render of the scene can compute")
+    lajolla.outputs.write_pictures(outputs, result.image(), arguments)
+    if arguments.checkpoint is not None:
+        result.write(arguments.checkpoint)
+    written = [*map(str, outputs), *([str(arguments.checkpoint)] if arguments.checkpoint else [])]
+    say(f"wrote {', '.join(written)} ({int(result.counts.max())} samples per pixel)")
+    return 0
+
+
+# --- denoise, convert, check, compare, list -----------------------------------------------------------------
+
+
+def command_denoise(arguments: argparse.Namespace) -> int:
+    lajolla.denoising.check_available()
+    outputs = lajolla.outputs.outputs_of(arguments)
+    for output in outputs:
+        output.check()
+    source = sys.stdin.buffer if str(arguments.picture) == "-" else arguments.picture
+    picture = lajolla.Image.open(source)
+    patience = Patience("the picture")
+    with handled_by(patience):
+        patience.save(_denoise, outputs, picture, arguments)
+    if not arguments.quiet:
+        say(f"wrote {', '.join(str(output) for output in outputs)}")
+    return patience.interrupt.exit_code if patience.interrupt is not None else 0
+
+
+def _denoise(
+    outputs: Sequence[lajolla.outputs.Output], picture: lajolla.Image, arguments: argparse.Namespace
+) -> None:
+    denoised = picture.denoise(threads=arguments.threads)
+    lajolla.outputs.write_pictures(outputs, denoised, arguments)
 
 
 def command_convert(arguments: argparse.Namespace) -> int:
@@ -357,9 +451,11 @@ def command_completion(arguments: argparse.Namespace) -> int:
 
 COMMANDS = {
     "render": command_render,
+    "denoise": command_denoise,
     "check": command_check,
     "convert": command_convert,
     "compare": command_compare,
+    "merge": command_merge,
     "list": command_list,
     "completion": command_completion,
 }

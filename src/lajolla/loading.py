@@ -1,8 +1,10 @@
 """Loads scenes from files or dicts."""
 
+import math
 import os
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lajolla import _core
+from lajolla.aovs import ALPHA, VARIANCE, needs_names
+from lajolla.colour import FloatImage
+from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
 from lajolla.image import Image
-from lajolla.limits import OptionError, check
+from lajolla.limits import MOST_SAMPLES, OptionError, check
 from lajolla.messages import names_checked, suggestion, warn
+from lajolla.objects import ObjectLayers
 from lajolla.options import Options, apply_options
-from lajolla.render import Progress, Rendering, available_threads
+from lajolla.picture_files import ImageWarning
+from lajolla.render import Progress, Rendering, StopRules, available_threads
 from lajolla.scene import (
     Description,
+    Places,
     SceneFile,
     SceneWarning,
     UnknownParameter,
@@ -30,16 +38,25 @@ class Scene:
 
     def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
         start = time.perf_counter()
-        core = apply_options(description.core, options)
+        core = apply_options(description.core, options, description.light_groups)
         try:
             self.core = _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
-        self.film = description.film
+        # To build it again elsewhere, which needs no places of errors.
+        self.description = replace(description, core=core, places=Places())
+        self.film = description.film.with_alpha() if ALPHA in options.aovs else description.film
+        self.aovs = tuple(options.aovs)
+        self.names = description.names  # of objects, if an aov needs them
         self.sensors = description.sensors  # ids of all sensors, or their numbers
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A pickle holds the description with its options; the scene is built when the pickle is loaded."""
+        kept = {"film": self.film, "aovs": self.aovs, "names": self.names}
+        return Scene, (self.description, Options(), self.load_seconds), kept
 
     def __repr__(self) -> str:
         samples = self.core.sample_count
@@ -57,38 +74,127 @@ class Scene:
 
     @names_checked
     def rendering(
-        self, *, spp: int | None = None, seed: int | None = None, threads: int | None = None
+        self,
+        *,
+        spp: int | None = None,
+        seconds: float | None = None,
+        noise: float | None = None,
+        adaptive: bool | None = None,
+        seed: int | None = None,
+        threads: int | None = None,
+        first_sample: int = 0,
     ) -> Rendering:
-        """A Rendering to run step by step; see `render`."""
-        for name, value in (("spp", spp), ("seed", seed), ("threads", threads)):
+        """A Rendering to run step by step; see `render`.
+
+        Args:
+            first_sample: index of the first sample of each pixel, in its sequence of samples. Renders of
+                different ranges of samples can be merged.
+        """
+        numbers = (("spp", spp), ("seed", seed), ("threads", threads), ("sample", first_sample))
+        for name, value in numbers:
             check(name, value)
-        spp = self.core.sample_count if spp is None else spp
+        if spp is None and seconds is None and noise is None:
+            spp = self.core.sample_count
+        if spp is not None and first_sample + spp > MOST_SAMPLES:
+            raise OptionError(f"sample {first_sample + spp - 1} is beyond the last, {MOST_SAMPLES - 1}")
+        rules = StopRules(
+            spp=spp,
+            seconds=math.inf if seconds is None else seconds,
+            noise=0.0 if noise is None else noise,
+            adaptive=noise is not None if adaptive is None else adaptive,
+        )
         seed = self.core.seed if seed is None else seed
         threads = available_threads() if threads is None else threads
-        return Rendering(self.core, spp=spp, seed=seed, threads=threads, film=self.film)
+        if spp is not None and spp < 2 and VARIANCE in self.aovs:
+            raise OptionError("the aov 'variance' needs at least two samples per pixel")
+        return Rendering(
+            self.core,
+            self.description.core,
+            rules=rules,
+            seed=seed,
+            threads=threads,
+            film=self.film,
+            first_sample=first_sample,
+            layers=ObjectLayers(self.core, self.aovs, self.names, seed, first_sample, threads),
+        )
 
     @names_checked
     def render(
         self,
         *,
         spp: int | None = None,
+        seconds: float | None = None,
+        noise: float | None = None,
+        adaptive: bool | None = None,
         seed: int | None = None,
         threads: int | None = None,
         observe: Callable[[Progress], None] = lambda progress: None,
+        denoise: bool = False,
     ) -> Image:
-        """Renders the picture; the same scene, spp and seed give the same picture, bit for bit.
+        """Renders the picture, until the first of spp, seconds and noise is reached.
 
-        An exception, such as KeyboardInterrupt, loses the picture; a `rendering` keeps its finished passes.
+        The same scene, seed, spp, noise and adaptive give the same picture, bit for bit. An exception, such
+        as KeyboardInterrupt, loses the picture; a `rendering` keeps its finished tiles.
 
         Args:
-            spp: samples per pixel; default: the scene's own number.
+            spp: samples per pixel, or their mean if adaptive; default: the scene's own number, if neither
+                seconds nor noise are given.
+            seconds: time for rendering.
+            noise: relative error of the picture to be reached, as estimated from its samples: the root of the
+                mean of squared errors divided by v^2 + m^2 / 100, of values v and their mean m.
+            adaptive: whether to take more samples where the error is larger; default: if noise is given.
             seed: seed of the sampler; default: the scene's own seed.
             threads: number of threads; default: as many as this process may use.
             observe: called with the progress about ten times a second.
+            denoise: removes noise with the help of `features`; see `Image.denoise`. If that fails, the
+                picture is returned as rendered, with an ImageWarning.
+
+        Raises:
+            DenoiseError: `denoise` is set, and Open Image Denoise is not installed.
+            OptionError: an option is out of range, or the integrator shows no light to denoise.
         """
-        rendering = self.rendering(spp=spp, seed=seed, threads=threads)
+        if denoise:
+            check_available()
+        rendering = self.rendering(
+            spp=spp, seconds=seconds, noise=noise, adaptive=adaptive, seed=seed, threads=threads
+        )
+        features = self.features(seed=seed, threads=threads) if denoise else None
         rendering.run(observe)
-        return rendering.image()
+        image = rendering.image()
+        if features is None:
+            return image
+        try:
+            return image.denoise(features, threads=threads)
+        except DenoiseError as problem:
+            warn(ImageWarning(f"{problem}; the picture is as rendered"))
+            return image
+
+    @names_checked
+    def features(
+        self,
+        *,
+        seed: int | None = None,
+        threads: int | None = None,
+        observe: Callable[[Progress], None] = lambda progress: None,
+    ) -> dict[str, FloatImage]:
+        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.Z", by their names.
+
+        They show the first surface that is neither a mirror nor glass, with little noise; see
+        docs/denoising.md. Raises OptionError if the integrator shows no light.
+        """
+        for name, value in (("seed", seed), ("threads", threads)):
+            check(name, value)
+        output = features_output(self.description.core["integrator"])
+        rendering = Rendering(
+            self.core.with_output(output),
+            {**self.description.core, **output},
+            rules=StopRules(spp=FEATURE_SAMPLES),
+            seed=self.core.seed if seed is None else seed,
+            threads=available_threads() if threads is None else threads,
+        )
+        rendering.run(observe)
+        image = rendering.image()
+        return {**dict(zip(LAYERS["albedo"], np.moveaxis(image.array, 2, 0), strict=True)), **image.channels}
 
     @names_checked
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
@@ -128,8 +234,8 @@ def load(
         strict: makes unknown plugins and properties errors.
         two_sided: makes opaque surfaces reflect on both sides.
         parameters: values of the file's `$name` parameters.
-        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor);
-            other names are parameters that the file must have.
+        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor,
+            hide_emitters, aovs); other names are parameters that the file must have.
 
     Raises:
         SceneError: the scene has an error; the message contains the location.
@@ -148,6 +254,7 @@ def load(
             two_sided=two_sided,
             integrator=own.integrator,
             sensor=own.sensor,
+            named=needs_names(own.aovs),
         )
     except UnknownParameter as problem:
         hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", *vars(own), *problem.known])
@@ -184,6 +291,7 @@ def load_dict(
         two_sided=two_sided,
         integrator=own.integrator,
         sensor=own.sensor,
+        named=needs_names(own.aovs),
     )
     return _warned(Scene(description, own, time.perf_counter() - start))
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
+import os
 import resource
 import sys
 import warnings
@@ -12,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TextIO
 
+from lajolla.aovs import object_channels
 from lajolla.arguments import STREAMS
 from lajolla.display import say
 from lajolla.film import Film
@@ -58,14 +61,16 @@ class Output:
             raise ImageError("a picture on standard output needs --format, such as --format png")
         check_output(self.target, self.named_format)
 
-    def check_space(self, scene: Scene) -> None:
-        """Raises ImageError if the disk may be too full for a picture of the scene."""
+    def check_space(self, scene: Scene, layers: int = 0) -> None:
+        """Raises ImageError if the disk may be too full for a picture of the scene with further layers."""
         if not self.is_standard:
-            channels = 3 + len(scene.core.channels)
+            channels = 3 + len(scene.core.channels) + object_channels(scene.aovs) + layers
             check_space(self.path, scene.width, scene.height, channels, self.named_format)
 
-    def save(self, picture: Image, *, exposure: float, half: bool) -> None:
-        picture.save(self.target, format=self.named_format, exposure=exposure, half=half)
+    def save(self, picture: Image, *, exposure: float, half: bool, compression: str) -> None:
+        picture.save(
+            self.target, format=self.named_format, exposure=exposure, half=half, compression=compression
+        )
 
 
 def outputs_of(arguments: argparse.Namespace, film: Film | None = None) -> list[Output]:
@@ -85,6 +90,10 @@ def check(arguments: argparse.Namespace) -> None:
         output.check()
     if arguments.stats is not None and str(arguments.stats) not in STREAMS:
         check_folder(arguments.stats)
+    if arguments.checkpoint is not None:
+        check_folder(arguments.checkpoint)
+        if arguments.checkpoint != arguments.resume and os.path.lexists(arguments.checkpoint):
+            raise ImageError(f"{arguments.checkpoint}: exists; go on with it by --resume, or remove it")
 
 
 def write_pictures(outputs: Sequence[Output], picture: Image, arguments: argparse.Namespace) -> None:
@@ -96,7 +105,12 @@ def write_pictures(outputs: Sequence[Output], picture: Image, arguments: argpars
         warnings.simplefilter("always", ImageWarning)
         for output in outputs:
             try:
-                output.save(picture, exposure=arguments.exposure, half=arguments.half)
+                output.save(
+                    picture,
+                    exposure=arguments.exposure,
+                    half=arguments.half,
+                    compression=arguments.compression,
+                )
             except ImageError as error:
                 errors.append(error)
     for warning in caught:
@@ -106,14 +120,18 @@ def write_pictures(outputs: Sequence[Output], picture: Image, arguments: argpars
 
 
 def statistics(scene: Scene, rendering: Rendering) -> dict[str, Any]:
-    """What --stats writes; `samples` counts camera paths, in all pixels together."""
-    samples = rendering.samples * scene.width * scene.height
+    """What --stats writes (docs/json.md)."""
+    counts = rendering.accumulator.pixel_counts()
+    samples = int(counts.sum(dtype=int))
     seconds = max(rendering.seconds, 1e-9)
     unit = 1 if sys.platform == "darwin" else 1024  # of ru_maxrss
     return {
         "width": scene.width,
         "height": scene.height,
         "samples_per_pixel": rendering.samples,
+        "fewest_samples": int(counts.min()),
+        "most_samples": int(counts.max()),
+        "noise": rendering.noise if math.isfinite(rendering.noise) else None,
         "threads": rendering.threads,
         "load_seconds": scene.load_seconds,
         "build_seconds": scene.build_seconds,

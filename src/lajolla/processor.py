@@ -66,6 +66,13 @@ def choose(levels: Sequence[str], flags: set[str] | None, wanted: str = "") -> s
     return runs[-1]
 
 
+def level() -> str:
+    """The best level that the processor runs, or "unknown"; Embree selects its code in a similar way."""
+    flags = processor_flags()
+    runs = [level for level in LEVELS if flags is not None and not _lacking(level, flags)]
+    return runs[-1] if runs else "unknown"
+
+
 def processor_flags() -> set[str] | None:
     """The features of the processor that the system lets programs use; None where it does not say."""
     try:

@@ -39,8 +39,9 @@ void bind_recording(nb::module_ &m) {
     m.def(
         "record_rays",
         [](const RenderableScene &scene, std::uint32_t count, int threads) {
+            const SampleRanges ranges(scene.scene->film(), {0, count});
             return std::make_unique<RayRecording>(
-                scene, record(*scene.scene, scene.output, {scene.sequence, scene.seed, 0, count, threads}));
+                scene, record(*scene.scene, scene.output, {scene.sequence, scene.seed, ranges, threads}));
         },
         "scene"_a, "count"_a, "threads"_a = 0, nb::keep_alive<0, 1>(),
         nb::call_guard<nb::gil_scoped_release>(), "Renders `count` samples per pixel and keeps every ray.");

@@ -13,6 +13,7 @@
 #include "base/distribution.h"
 #include "base/frame.h"
 #include "base/sampler.h"
+#include "base/sums.h"
 #include "base/warp.h"
 #include "engine/described.h"
 #include "geometry/hit.h"
@@ -347,6 +348,14 @@ void bind_statistics(nb::module_ &m) {
              "weight (N, 3), pdf, eta, width, delta and valid (N,).")
         .def("eval_many", &LoneBsdf::eval_many, nb::arg("wo"), nb::arg("wi"), nb::arg("one_lane") = false,
              "Evaluates wo (1 or N, 3), wi (N, 3): f_cos (N, 3) and pdf (N,) per solid angle.");
+    m.def(
+        "sum_digits",
+        [](const Column &terms) {
+            Sums sums(1);
+            for (std::size_t i = 0; i < terms.size(); ++i) sums.add(0, terms.data()[i]);
+            return nb::make_tuple(sums.digits()[0].high, sums.digits()[0].low, sums.places()[0]);
+        },
+        nb::arg("terms"), "The sum of floats: its high digit, its low digit, and the place of the former.");
     m.def("sampler_cameras", &sampler_cameras, nb::arg("kind"), nb::arg("rows"), nb::arg("one_lane") = false,
           "The camera numbers (N, 6) of rows (N, 4) of seed, x, y, index: film x, y, lens x, y, event, "
           "channel.");

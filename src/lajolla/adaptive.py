@@ -1,0 +1,136 @@
+"""Estimates of a picture's error, and where to take more samples.
+
+The unit is half a cell of 8 x 8 pixels: those that are like the black or the white fields of a chessboard. A
+round doubles the samples of some halves, so that counts are powers of two, for which Sobol' points are best.
+
+If A and B are a pixel's means of its old and of its new samples, a round changes its mean from A to
+C = (A + B) / 2. A and B are exchangeable, so that cov(A, C) = var(C), and the mean square of the change is
+var(A) - var(C). If a doubling reduces the variance by a factor r, squared changes shrink by r too, which
+measures it, and var(C) is the squared change times r / (1 - r). Independent samples have r = 1/2, Sobol'
+points less.
+
+To decide by the samples that are averaged causes bias: a pixel whose first samples are too dark seems to have
+little noise, gets no more samples, and stays too dark (Kirk and Arvo 1991, "Unbiased Sampling Techniques for
+Image Synthesis"). Therefore the errors of the black halves decide about the white ones and the reverse, as
+the samples of different pixels are independent.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lajolla.colour import FloatImage
+from lajolla.limits import MOST_SAMPLES
+
+CELL_SIZE = 8  # as in the core
+FIRST_COUNT = 8  # samples before the first round
+MOST_RATIO = 32  # between the sample counts of two halves, as an estimate may be far too small
+REDUCTIONS = (0.1, 0.5)  # limits of r
+SPREAD = 4  # halves whose gains are within this factor are doubled together
+
+Counts = NDArray[np.uint32]  # numbers of all halves: (cell rows, cell columns, 2), like `_core.Render.counts`
+
+
+class Halves:
+    """The halves of the cells of a picture, whose left upper pixel is at `offset` on the film."""
+
+    def __init__(self, width: int, height: int, offset: tuple[int, int]) -> None:
+        self.offset = offset
+        y, x = np.indices((height, width))
+        self.shape = (-(-height // CELL_SIZE), -(-width // CELL_SIZE), 2)
+        cells = y // CELL_SIZE * self.shape[1] + x // CELL_SIZE
+        self.of_pixels = 2 * cells + (x + y + sum(offset)) % 2  # (height, width), numbers of halves
+        self.pixels = self.sums(np.ones((height, width)))  # how many each half has: zero is possible
+
+    def sums(self, values: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Sums over the pixels of each half; values (height, width)."""
+        size = int(np.prod(self.shape))
+        found: NDArray[Any] = np.bincount(self.of_pixels.ravel(), values.ravel(), size)
+        return found.reshape(self.shape)
+
+    def mean(self, values: NDArray[np.floating] | Counts) -> float:
+        """The mean of all pixels, of values that are equal within a half."""
+        return float((values * self.pixels).sum() / self.pixels.sum())
+
+
+class ErrorEstimate:
+    """The squared relative error of the pixels of each half.
+
+    Squared errors are divided by v^2 + m^2 / 100, where v is the value and m the mean of the picture. For v,
+    the smaller of A and B is taken: otherwise a bright sample would hide its own error. Errors above 100 %
+    count as 100 %: otherwise a few pixels with very bright samples would get all samples, with little effect.
+    """
+
+    def __init__(self, halves: Halves) -> None:
+        self.halves = halves
+        self.changes = np.full(halves.shape, np.inf)  # squared relative changes of the last doublings
+        self.changes_before = np.full(halves.shape, np.inf)  # and of those before
+        self.counts = np.zeros(halves.shape, np.uint32)  # samples after the last doublings
+        self.picture = np.zeros((*halves.of_pixels.shape, 3), np.float32)  # of these samples
+
+    @property
+    def errors(self) -> NDArray[np.float64]:
+        """The mean of the squared relative errors of the pixels of each half; infinite if unknown."""
+        pixels = self.halves.pixels
+        after, before = _smoothed(self.changes, pixels), _smoothed(self.changes_before, pixels)
+        known = np.isfinite(before) & (before > 0)
+        reduction = np.clip(np.where(known, after, 1) / np.where(known, before, 2), *REDUCTIONS)
+        return np.where(pixels > 0, self.changes * (reduction / (1 - reduction)), 0)
+
+    @property
+    def noise(self) -> float:
+        """The relative error of the picture, root mean square; infinite if unknown."""
+        return self.halves.mean(self.errors) ** 0.5
+
+    def update(self, picture: FloatImage, counts: Counts) -> None:
+        """Measures the halves that have twice the samples of before."""
+        doubled = (self.counts > 0) & (counts >= 2 * self.counts)
+        after, before = picture.astype(np.float64), self.picture.astype(np.float64)
+        mean = self.halves.sums(after.sum(axis=2)).sum() / after.size
+        smaller = np.minimum(np.abs(before), np.abs(2 * after - before))
+        with np.errstate(all="ignore"):
+            relative = np.nan_to_num((after - before) ** 2 / (smaller**2 + mean**2 / 100))
+        changes = self.halves.sums(np.minimum(relative, 1).sum(axis=2) / 3) / np.maximum(
+            self.halves.pixels, 1
+        )
+        self.changes_before[doubled] = self.changes[doubled]
+        self.changes[doubled] = changes[doubled]
+        changed = doubled | (self.counts == 0)
+        self.counts[changed] = counts[changed]
+        of_changed = changed.ravel()[self.halves.of_pixels]
+        self.picture[of_changed] = picture[of_changed]
+
+    def next_counts(self, counts: Counts, *, most: float, noise: float | None = None) -> Counts:
+        """The counts of the next round: those of the halves that gain most by a sample are doubled.
+
+        Args:
+            counts: the present numbers of samples.
+            most: samples per pixel, of all pixels in the mean, that must not be exceeded.
+            noise: if given, the round is no larger than it must be for this relative error.
+        """
+        errors, pixels, cost = self.errors, self.halves.pixels, counts * self.halves.pixels
+        gain = _smoothed(errors[..., ::-1], pixels[..., ::-1]) / counts
+        order = np.argsort(-gain, axis=None, kind="stable")
+        high = gain.flat[order[np.searchsorted(np.cumsum(cost.flat[order]), 0.05 * cost.sum())]]
+        chosen = (gain >= high / SPREAD) | (counts * MOST_RATIO < counts.max())
+        order = order[chosen.flat[order]]
+        taken = np.cumsum(cost.flat[order]) <= most * pixels.sum() - cost.sum()
+        if noise is not None:  # a doubling halves the squared error at least
+            squared = errors * pixels
+            left = squared.sum() - np.cumsum(squared.flat[order]) / 2
+            taken &= np.concatenate([[True], left[:-1] > noise**2 * pixels.sum()])
+        result = counts.copy()
+        result.flat[order[taken]] *= 2
+        return np.minimum(result, MOST_SAMPLES)
+
+
+def _smoothed(errors: NDArray[np.float64], pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means over 3 x 3 cells, weighted by 1, 2, 1 along both axes and by numbers of pixels."""
+
+    def blurred(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        padded = np.pad(values, ((1, 1), (1, 1), (0, 0)))
+        rows = padded[:-2] + 2 * padded[1:-1] + padded[2:]
+        return rows[:, :-2] + 2 * rows[:, 1:-1] + rows[:, 2:]
+
+    return blurred(np.where(pixels > 0, errors, 0) * pixels) / np.maximum(blurred(pixels), 1)

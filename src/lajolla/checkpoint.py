@@ -1,0 +1,317 @@
+"""Checkpoints: files with the samples of a render so far, to go on with it or to merge it with others."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import time
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lajolla import _core, processor
+from lajolla.adaptive import Counts, Halves
+from lajolla.aovs import IDS, is_matte
+from lajolla.film import Film
+from lajolla.identity import differences, sections
+from lajolla.image import Image
+from lajolla.limits import LARGEST, MOST_SAMPLES
+from lajolla.picture_files import ImageError
+from lajolla.render import Rendering, developed
+from lajolla.whole_files import replacing
+
+FORMAT = 1  # of the files; others are refused
+
+# What NumPy raises for a file that is not one of its archives, or that is damaged.
+DAMAGES = (ValueError, KeyError, TypeError, EOFError, IndexError, MemoryError, zipfile.BadZipFile, zlib.error)
+
+
+class CheckpointError(ImageError):
+    """A checkpoint that cannot be read, or does not fit; the message names its file and the reason."""
+
+
+def identity(rendering: Rendering) -> dict[str, Any]:
+    """What must be equal for samples to belong to one picture, in plain numbers and texts.
+
+    This takes a second for a gigabyte of meshes and textures.
+    """
+    scene = rendering.description
+    height, width = rendering.halves.of_pixels.shape
+    film = {name: value for name, value in scene["film"].items() if not name.startswith("crop_")}
+    own = {
+        "film": {**film, "window": [*rendering.halves.offset, width, height]},
+        "sampler": {"type": scene["sampler"]["type"], "seed": rendering.seed},
+    }
+    return {
+        **sections({**scene, **own}),
+        "version": version("lajolla"),
+        "instruction set": f"{_core.isa} on {processor.level()}",  # Embree chooses its own by the processor
+    }
+
+
+@dataclass
+class Checkpoint:
+    """The samples of a render.
+
+    `ranges` are those of each pixel: (first, end). If pixels have different numbers of samples, there is one
+    range of the largest number, and `counts` has the numbers of all halves of tiles.
+    """
+
+    identity: dict[str, Any]
+    width: int
+    height: int
+    offset: tuple[int, int]  # of the crop window
+    channels: list[str]
+    film: Film
+    aovs: list[str]
+    ranges: list[tuple[int, int]]
+    seconds: float
+    rays: int
+    nonfinite: int
+    nonfinite_list: list[tuple[int, int, int]]
+    sums: _core.Sums
+    counts: Counts
+    rounds: dict[str, NDArray[Any]]  # of adaptive renders: the state of the estimate, and the round
+
+    def image(self) -> Image:
+        """The mean of the samples."""
+        halves = Halves(self.width, self.height, self.offset)
+        counts = self.counts.ravel()[halves.of_pixels]
+        return developed(self.sums.means(counts), counts, self.channels, self.aovs, self.film)
+
+    @property
+    def left_out(self) -> list[str]:
+        """AOVs that a picture of it does not have, because they need the scene."""
+        return [aov for aov in self.aovs if aov in IDS or is_matte(aov)]
+
+    def write(self, path: Path) -> None:
+        """Writes a file in place of the one that is there. Raises ImageError."""
+        facts = {
+            name: value for name, value in vars(self).items() if name not in ("sums", "counts", "rounds")
+        }
+        text = json.dumps({**facts, "format": FORMAT, "film": asdict(self.film)})
+        with replacing(path) as temporary, open(temporary, "wb") as file:
+            arrays: dict[str, Any] = {
+                "facts": np.array(text),
+                "digits": self.sums.digits,
+                "places": self.sums.places,
+                "counts": self.counts,
+                **self.rounds,
+            }
+            np.savez(file, **arrays)
+
+
+def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Checkpoint:
+    """The present state of a render, which may be running; `own` is its identity, if that is known."""
+    sums, counts, rays, nonfinite, nonfinite_list = rendering.accumulator.state()
+    estimate, rounds = rendering.estimate, {}
+    if rendering.rules.in_rounds:
+        rounds = {
+            "changes": estimate.changes,
+            "changes_before": estimate.changes_before,
+            "measured_counts": estimate.counts,
+            "measured_picture": estimate.picture,
+        }
+        if rendering.round is not None:
+            rounds["round"] = rendering.round
+    height, width = rendering.halves.of_pixels.shape
+    first = rendering.first_sample
+    return Checkpoint(
+        identity=own or identity(rendering),
+        width=width,
+        height=height,
+        offset=rendering.halves.offset,
+        channels=list(rendering.channels),
+        film=rendering.film,
+        aovs=list(rendering.aovs),
+        ranges=[(first, first + int(counts.max()))],
+        seconds=rendering.seconds,
+        rays=rays,
+        nonfinite=nonfinite,
+        nonfinite_list=nonfinite_list,
+        sums=sums,
+        counts=counts,
+        rounds=rounds,
+    )
+
+
+def read(path: Path) -> Checkpoint:
+    """Reads a checkpoint. Raises CheckpointError."""
+    try:
+        if not path.is_file():
+            raise CheckpointError(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
+        _check_sizes(path)
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        facts = json.loads(str(arrays.pop("facts")))
+        if facts.pop("format") != FORMAT:
+            raise CheckpointError(f"{path}: is a checkpoint of another version of lajolla")
+        return _checked(facts, arrays)
+    except OSError as error:
+        raise CheckpointError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except DAMAGES as error:
+        raise CheckpointError(f"{path}: is no checkpoint, or is damaged") from error
+
+
+def _check_sizes(path: Path) -> None:
+    """Raises ValueError if an archive is compressed, so that its contents may be larger than its file."""
+    with zipfile.ZipFile(path) as archive:
+        if any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
+            raise ValueError
+        if sum(member.file_size for member in archive.infolist()) > path.stat().st_size:
+            raise ValueError
+
+
+def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoint:
+    """The checkpoint of what a file holds; raises one of DAMAGES if parts do not fit each other."""
+    width, height = (_whole(facts[name], 1, LARGEST) for name in ("width", "height"))
+    offset = tuple(_whole(number, 0, LARGEST) for number in facts["offset"])
+    halves = Halves(width, height, (offset[0], offset[1]))
+    values = (height, width, 3 + len(facts["channels"]))
+    digits = _shaped(arrays.pop("digits"), np.int64, (*values, 2))
+    sums = _core.Sums(digits, _shaped(arrays.pop("places"), np.int8, values))
+    counts = _shaped(arrays.pop("counts"), np.uint32, halves.shape)
+    ranges = [
+        (_whole(first, 0, MOST_SAMPLES), _whole(end, 0, MOST_SAMPLES)) for first, end in facts["ranges"]
+    ]
+    if not ranges:
+        raise ValueError("no samples")
+    shapes: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+        "changes": (np.float64, halves.shape),
+        "changes_before": (np.float64, halves.shape),
+        "measured_counts": (np.uint32, halves.shape),
+        "measured_picture": (np.float32, (height, width, 3)),
+        "round": (np.uint32, halves.shape),
+    }
+    return Checkpoint(
+        identity=dict(facts["identity"]),
+        width=width,
+        height=height,
+        offset=(offset[0], offset[1]),
+        channels=[str(label) for label in facts["channels"]],
+        film=Film(**facts["film"]),
+        aovs=[str(aov) for aov in facts["aovs"]],
+        ranges=ranges,
+        seconds=float(facts["seconds"]),
+        rays=_whole(facts["rays"], 0, 2**63),
+        nonfinite=_whole(facts["nonfinite"], 0, 2**63),
+        nonfinite_list=[(int(x), int(y), int(sample)) for x, y, sample in facts["nonfinite_list"]],
+        sums=sums,
+        counts=counts,
+        rounds={name: _shaped(array, *shapes[name]) for name, array in arrays.items()},
+    )
+
+
+def _whole(value: object, least: int, most: int) -> int:
+    if not isinstance(value, int) or not least <= value <= most:
+        raise ValueError("out of range")
+    return value
+
+
+def _shaped(array: NDArray[Any], kind: type[np.generic], shape: tuple[int, ...]) -> NDArray[Any]:
+    if array.dtype != kind or array.shape != shape:
+        raise ValueError("another array")
+    return array
+
+
+def resume(rendering: Rendering, path: Path) -> None:
+    """Lets a render go on where a checkpoint ends.
+
+    Raises:
+        CheckpointError: it is of another render, and the message says what differs.
+    """
+    saved = read(path)
+    _check_same(path, saved.identity, identity(rendering))
+    if len(saved.ranges) > 1 or saved.ranges[0][0] != rendering.first_sample:
+        kept = " and ".join(f"{first} to {end - 1}" for first, end in saved.ranges)
+        wanted = f"samples from {rendering.first_sample} on"
+        raise CheckpointError(f"{path}: has samples {kept}, and this render takes {wanted}")
+    rendering.accumulator.restore(saved.sums, saved.counts, saved.rays, saved.nonfinite, saved.nonfinite_list)
+    rendering.seconds = saved.seconds
+    if rendering.rules.in_rounds and "changes" in saved.rounds:
+        rendering.estimate.changes = saved.rounds["changes"]
+        rendering.estimate.changes_before = saved.rounds["changes_before"]
+        rendering.estimate.counts = saved.rounds["measured_counts"]
+        rendering.estimate.picture = saved.rounds["measured_picture"]
+        rendering.round = saved.rounds.get("round")
+
+
+def merged(files: Mapping[Path, Checkpoint]) -> Checkpoint:
+    """The sum of checkpoints of one picture, whose ranges of samples must not overlap.
+
+    Raises:
+        CheckpointError: they overlap, are of different renders, or pixels have different numbers of samples.
+    """
+    (first_path, result), *others = files.items()
+    for path, part in files.items():
+        if part.counts.min() < part.counts.max():
+            raise CheckpointError(f"{path}: pixels have different numbers of samples, which cannot be merged")
+    for path, part in others:
+        _check_same(path, part.identity, result.identity, str(first_path))
+        for (first, end), (other_first, other_end) in itertools.product(part.ranges, result.ranges):
+            if first < other_end and other_first < end:
+                both = f"{max(first, other_first)} to {min(end, other_end) - 1}"
+                raise CheckpointError(f"{path}: has samples {both}, which others have too")
+        result = _sum(result, part)
+    return result
+
+
+def _sum(a: Checkpoint, b: Checkpoint) -> Checkpoint:
+    a.sums.add(0, b.sums)
+    ranges: list[tuple[int, int]] = []
+    for first, end in sorted([*a.ranges, *b.ranges]):
+        if ranges and ranges[-1][1] == first:
+            ranges[-1] = (ranges[-1][0], end)
+        else:
+            ranges.append((first, end))
+    return replace(
+        a,
+        ranges=ranges,
+        seconds=a.seconds + b.seconds,
+        rays=a.rays + b.rays,
+        nonfinite=a.nonfinite + b.nonfinite,
+        nonfinite_list=[*a.nonfinite_list, *b.nonfinite_list],
+        counts=a.counts + b.counts,
+        rounds={},
+    )
+
+
+def _check_same(path: Path, a: Mapping[str, Any], b: Mapping[str, Any], other: str = "this render") -> None:
+    if found := differences(a, b):
+        more = f" and {len(found) - 3} more" if len(found) > 3 else ""
+        shown = ", ".join(found[:3])
+        raise CheckpointError(f"{path}: does not belong to {other}: {shown}{more} (there and here)")
+
+
+class Saver:
+    """Writes checkpoints of a running render at most every `interval` seconds, when it is called."""
+
+    def __init__(self, rendering: Rendering, path: Path, interval: float) -> None:
+        self.rendering = rendering
+        self.identity = identity(rendering)
+        self.path = path
+        self.interval = interval
+        self.next = time.monotonic() + interval
+
+    def write_if_due(self) -> ImageError | None:
+        """Writes one if it is time. Returns an error, for which the render should not stop."""
+        if time.monotonic() < self.next:
+            return None
+        try:
+            self.write()
+        except ImageError as error:
+            return error
+        finally:
+            self.next = time.monotonic() + self.interval
+        return None
+
+    def write(self) -> None:
+        """Raises ImageError."""
+        of_rendering(self.rendering, self.identity).write(self.path)
