@@ -143,10 +143,12 @@ class Rendering:
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
         """Renders until a stop rule is met; calls `observe` in this thread about ten times a second."""
         with ThreadPoolExecutor(1) as worker:
-            for counts in (
-                self._rounds() if self.rules.in_rounds else self._even_passes(self.rules.most_samples)
-            ):
+            for counts in self._passes():
                 self._advance(counts, worker, observe)
+
+    def _passes(self) -> Iterator[Counts]:
+        """The numbers of samples after each pass."""
+        return self._rounds() if self.rules.in_rounds else self._even_passes(self.rules.most_samples)
 
     def _advance(
         self, counts: Counts, worker: ThreadPoolExecutor, observe: Callable[[Progress], None]
