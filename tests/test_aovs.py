@@ -370,7 +370,7 @@ def test_npz_files_hold_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     exr = saved(tmp_path / "c.exr")[1]
     assert all(np.array_equal(exr[f"{aov}.I"], stored[aov]) for aov in IDS)
     image.save("d.npy")
-    means = 4 + sum(len(v.letters) for v in AOVS.values()) + 3 * len(("variance", *LIGHTS))
+    means = 5 + sum(len(v.letters) for v in AOVS.values()) + 3 * len(("variance", *LIGHTS))
     assert np.load("d.npy").shape == (SIZE, SIZE, means + len(IDS) + 12 * sum(map(is_matte, AOVS)))
 
 

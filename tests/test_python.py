@@ -69,7 +69,7 @@ def loaded() -> lajolla.Scene:
         ),
         (
             lambda: loaded().render(wrong=1, sppp=3),
-            r"Scene.render\(\) has no option 'wrong'; valid: spp, seed",
+            r"Scene.render\(\) has no option 'wrong'; valid: spp, seconds",
         ),
         (lambda: lajolla.load_dict(DICT, szie=(2, 2)), r"load_dict\(\) has no option 'szie'; .* 'size'"),
         (lambda: lajolla.load_dict(DICT, basepath="."), "did you mean 'base_path'"),

@@ -47,6 +47,7 @@ AOVS: dict[str, Variable] = {
     "duv_dy": Variable("change of uv from one pixel to the next below", "duv_dy", "UV"),
     "mean_curvature": Variable("mean curvature of the smooth surface", "mean_curvature", "C"),
     "alpha": Variable("alpha channel of the picture"),
+    "samples": Variable("number of samples of the pixel"),
     "variance": Variable("variance of the pixel's mean, for red, green and blue"),
     "lightgroups": Variable("light by the lightgroup of emitters: a layer for each, and one for the rest"),
     "shape": Variable("number of the shape at the pixel's centre, from 1; 0 for none", kind="shape"),
@@ -57,7 +58,8 @@ AOVS: dict[str, Variable] = {
     "crypto_material": Variable("Cryptomatte of the materials", kind="material"),
     "crypto_instance": Variable("Cryptomatte of the instances", kind="instance"),
 }
-ALPHA, VARIANCE, LIGHTGROUPS, PRIMITIVE = "alpha", "variance", "lightgroups", "primitive"
+ALPHA, SAMPLES, VARIANCE = "alpha", "samples", "variance"
+LIGHTGROUPS, PRIMITIVE = "lightgroups", "primitive"
 WITH_GROUPS = ("path", "volpath", "direct")  # integrators that know which light they see
 IDS = ("shape", "material", "instance", PRIMITIVE)
 

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from lajolla import _core, processor
 from lajolla.adaptive import Counts, Halves
+from lajolla.aovs import IDS, is_matte
 from lajolla.film import Film
 from lajolla.identity import differences, sections
 from lajolla.image import Image
-from lajolla.layers import named_channels
 from lajolla.limits import LARGEST, MOST_SAMPLES
 from lajolla.picture_files import ImageError
-from lajolla.render import Rendering
+from lajolla.render import Rendering, developed
 from lajolla.whole_files import replacing
 
 FORMAT = 1  # of the files; others are refused
@@ -70,6 +70,7 @@ class Checkpoint:
     offset: tuple[int, int]  # of the crop window
     channels: list[str]
     film: Film
+    aovs: list[str]
     ranges: list[tuple[int, int]]
     seconds: float
     rays: int
@@ -83,8 +84,12 @@ class Checkpoint:
         """The mean of the samples."""
         halves = Halves(self.width, self.height, self.offset)
         counts = self.counts.ravel()[halves.of_pixels]
-        values = self.sums.means(counts)
-        return Image(values[..., :3], named_channels(values, self.channels, counts), self.film)
+        return developed(self.sums.means(counts), counts, self.channels, self.aovs, self.film)
+
+    @property
+    def left_out(self) -> list[str]:
+        """AOVs that a picture of it does not have, because they need the scene."""
+        return [aov for aov in self.aovs if aov in IDS or is_matte(aov)]
 
     def write(self, path: Path) -> None:
         """Writes a file in place of the one that is there. Raises ImageError."""
@@ -125,6 +130,7 @@ def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Che
         offset=rendering.halves.offset,
         channels=list(rendering.channels),
         film=rendering.film,
+        aovs=list(rendering.aovs),
         ranges=[(first, first + int(counts.max()))],
         seconds=rendering.seconds,
         rays=rays,
@@ -191,6 +197,7 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
         offset=(offset[0], offset[1]),
         channels=[str(label) for label in facts["channels"]],
         film=Film(**facts["film"]),
+        aovs=[str(aov) for aov in facts["aovs"]],
         ranges=ranges,
         seconds=float(facts["seconds"]),
         rays=_whole(facts["rays"], 0, 2**63),

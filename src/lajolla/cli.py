@@ -296,6 +296,8 @@ def command_merge(arguments: argparse.Namespace) -> int:
         output.check()
     files = {path: lajolla.checkpoint.read(path) for path in dict.fromkeys(arguments.files)}
     result = lajolla.checkpoint.merged(files)
+    if result.left_out:
+        say(f"warning: {', '.join(result.left_out)} left out, which only a render of the scene can compute")
     lajolla.outputs.write_pictures(outputs, result.image(), arguments)
     if arguments.checkpoint is not None:
         result.write(arguments.checkpoint)

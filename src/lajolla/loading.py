@@ -55,7 +55,8 @@ class Scene:
 
     def __reduce__(self) -> tuple[object, ...]:
         """A pickle holds the description with its options; the scene is built when the pickle is loaded."""
-        return Scene, (self.description, Options(), self.load_seconds)
+        kept = {"film": self.film, "aovs": self.aovs, "names": self.names}
+        return Scene, (self.description, Options(), self.load_seconds), kept
 
     def __repr__(self) -> str:
         samples = self.core.sample_count
