@@ -170,6 +170,7 @@ def command_render(arguments: argparse.Namespace) -> int:
     for output in outputs:
         output.check()
         output.check_space(scene, layers=9 if arguments.denoise else 0)
+        output.check_layers(scene, arguments)
     has_more = scene.core.channels or scene.aovs
     if has_more and not any(output.holds_channels for output in outputs):
         *some, last = lajolla.picture_formats.HOLD_CHANNELS
