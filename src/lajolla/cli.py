@@ -166,15 +166,7 @@ def command_render(arguments: argparse.Namespace) -> int:
         x, y = arguments.pixel
         print(*scene.radiance(x, y, arguments.sample))
         return 0
-    outputs = lajolla.outputs.outputs_of(arguments, scene.film)
-    for output in outputs:
-        output.check()
-        output.check_space(scene, layers=9 if arguments.denoise else 0)
-        output.check_layers(scene, arguments)
-    has_more = scene.core.channels or scene.aovs
-    if has_more and not any(output.holds_channels for output in outputs):
-        *some, last = lajolla.picture_formats.HOLD_CHANNELS
-        say(f"warning: only {', '.join(some)} and {last} files hold all channels")
+    outputs = _checked_outputs(scene, arguments)
     rendering = scene.rendering(
         spp=arguments.spp,
         seconds=arguments.time,
@@ -187,9 +179,32 @@ def command_render(arguments: argparse.Namespace) -> int:
     )
     if arguments.resume is not None:
         lajolla.checkpoint.resume(rendering, arguments.resume)
-    saver = arguments.checkpoint and lajolla.checkpoint.Saver(
-        rendering, arguments.checkpoint, arguments.every
-    )
+    return _run_and_save(outputs, scene, rendering, arguments)
+
+
+def _checked_outputs(scene: lajolla.Scene, arguments: argparse.Namespace) -> list[lajolla.outputs.Output]:
+    """The pictures to be written; raises ImageError if one of them cannot be written."""
+    outputs = lajolla.outputs.outputs_of(arguments, scene.film)
+    for output in outputs:
+        output.check()
+        output.check_space(scene, layers=9 if arguments.denoise else 0)
+        output.check_layers(scene, arguments)
+    has_more = scene.core.channels or scene.aovs
+    if has_more and not any(output.holds_channels for output in outputs):
+        *some, last = lajolla.picture_formats.HOLD_CHANNELS
+        say(f"warning: only {', '.join(some)} and {last} files hold all channels")
+    return outputs
+
+
+def _run_and_save(
+    outputs: Sequence[lajolla.outputs.Output],
+    scene: lajolla.Scene,
+    rendering: lajolla.Rendering,
+    arguments: argparse.Namespace,
+) -> int:
+    """Renders, and saves what there is at the end, after an interrupt, or after the loss of a cluster."""
+    file = arguments.checkpoint
+    saver = lajolla.checkpoint.Saver(rendering, file, arguments.every) if file else None
     displayed = partial(progress_display, pixels=scene.width * scene.height, quiet=arguments.quiet)
     patience = Patience("the picture")
     features = None
@@ -209,16 +224,16 @@ def command_render(arguments: argparse.Namespace) -> int:
         if rendering.samples == 0 and (failure or patience.interrupt) is not None:
             raise failure or patience.interrupt
         patience.save(_save, outputs, scene, rendering, features, arguments, saver)
-        names = ", ".join(str(output) for output in outputs)
-        if failure is not None:
-            say(f"error: {failure}")
-            say(f"wrote {names} with what had arrived ({_summary(scene, rendering)})")
-            return 1
-        if patience.interrupt is not None:
-            say(f"interrupted; wrote {names} ({_summary(scene, rendering)})")
-            return patience.interrupt.exit_code
-        if not arguments.quiet:
-            say(f"wrote {names} ({_summary(scene, rendering)})")
+    written = f"wrote {', '.join(map(str, outputs))} ({_summary(scene, rendering)})"
+    if failure is not None:
+        say(f"error: {failure}")
+        say(f"{written}, with what had arrived")
+        return 1
+    if patience.interrupt is not None:
+        say(f"interrupted; {written}")
+        return patience.interrupt.exit_code
+    if not arguments.quiet:
+        say(written)
     return 0
 
 
