@@ -390,6 +390,9 @@ def test_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
     with np.load("a.npz") as file:
         assert file["shape_names"].tolist() == ["", "lamp"]
         assert not any(file[name].any() for name in ("rgb", "alpha", "depth", "shape"))
+    many = "render scene.xml --spp 1073741824 --aov shape --compression pxr24 -o b.exr"  # refused before
+    assert cli.main(many.split()) == 1
+    assert "b.exr: pxr24 rounds numbers" in capsys.readouterr().err
     assert cli.main("render scene.xml --spp 1 --quiet --aov shape -o a.png".split()) == 0
     assert "files hold all channels" in capsys.readouterr().err
 

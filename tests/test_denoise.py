@@ -290,6 +290,18 @@ def test_other_channels_stay(tmp_path: Path) -> None:
 
 
 @needs_denoiser
+def test_layers_stay(repository: Path) -> None:
+    aovs = ["albedo", "normal", "shape"]
+    scene = lajolla.load(repository / "scenes" / "cornell-box.xml", size=(24, 24), spp=2, aovs=aovs)
+    noisy = scene.render()
+    denoised = noisy.denoise()  # by its own layers
+    assert list(denoised.channels) == [*noisy.channels, "noisy.R", "noisy.G", "noisy.B"]
+    assert denoised.layers == noisy.layers
+    others = {name: np.zeros((24, 24)) for name in ("albedo.R", "normal.X", "normal.x", "depth.Z")}
+    assert set(noisy.denoise(others).channels) == {*denoised.channels, "depth.Z"}
+
+
+@needs_denoiser
 def test_features_of_a_crop_window(repository: Path) -> None:
     file = repository / "scenes" / "cornell-box.xml"
     whole = lajolla.load(file, size=(32, 32)).features()

@@ -150,6 +150,43 @@ def test_ranges_of_samples_add_up_in_any_order() -> None:
         np.testing.assert_array_equal(whole.means(counts), image_of(scene))
 
 
+def test_rows_of_tiles_add_up_in_any_order() -> None:
+    """Of a crop window that begins within a tile; halves of cells take different numbers of samples."""
+    scene = room(crop_offset_x=3, crop_offset_y=5, crop_width=30, crop_height=18)
+    targets = np.arange(3 * 4 * 2, dtype=np.uint32).reshape(3, 4, 2) % 7
+    whole = _core.Render(scene, SEED, 2)
+    whole.advance(targets, 2)
+    parts = [(row, before) for row in range(2) for before in (0, 2)]
+    together = _core.Render(scene, SEED, 2)
+    for row, before in (parts[i] for i in (3, 0, 2, 1)):
+        target = targets[2 * row : 2 * row + 2]
+        begin = np.minimum(target, before)
+        end = target if before else np.minimum(target, 2)
+        part = _core.Render(scene, SEED, 2, tile_rows=(row, row + 1))
+        shape = (16 if row == 0 else 2, 30, 3)
+        empty = _core.Sums(np.zeros((*shape, 2), np.int64), np.zeros(shape, np.int8))
+        part.restore(empty, begin, 0, 0, [])
+        part.advance(end, 1)
+        np.testing.assert_array_equal(part.pixel_counts().shape, shape[:2])
+        together.add(row, part.sums(), end - begin, part.rays, part.nonfinite, part.nonfinite_list)
+    np.testing.assert_array_equal(together.counts, targets)
+    np.testing.assert_array_equal(together.pixel_counts(), whole.pixel_counts())
+    np.testing.assert_array_equal(together.image(), whole.image())
+    assert together.rays == whole.rays
+
+
+def test_rows_of_tiles_that_do_not_fit_are_refused() -> None:
+    scene = room()
+    for rows in ((0, 3), (1, 1), (2, 1)):
+        with pytest.raises(ValueError, match="does not have these rows"):
+            _core.Render(scene, SEED, tile_rows=rows)
+    part = _core.Render(scene, SEED, tile_rows=(0, 1))
+    whole = _core.Render(scene, SEED)
+    for row in (1, 2):  # the last row of tiles is lower, or there is none
+        with pytest.raises(ValueError, match="another size"):
+            whole.add(row, part.sums(), part.counts, 0, 0, [])
+
+
 def test_a_restored_render_goes_on() -> None:
     scene = room()
     render = _core.Render(scene, SEED)

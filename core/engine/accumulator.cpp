@@ -7,10 +7,26 @@
 
 namespace lajolla {
 
+namespace {
+
+Film window_of(Film film, const std::optional<TileRows> &rows) {
+    if (!rows) return film;
+    const auto height = static_cast<std::size_t>(film.crop_height), first = rows->first * tile_size;
+    if (rows->first >= rows->end || (rows->end - 1) * tile_size >= height)
+        throw std::invalid_argument("the picture does not have these rows of tiles");
+    film.crop_offset_y += static_cast<int>(first);
+    film.crop_height = static_cast<int>(std::min(rows->end * tile_size, height) - first);
+    return film;
+}
+
+} // namespace
+
 Accumulator::Accumulator(const RenderableScene &scene, std::optional<std::uint32_t> seed,
-                         std::uint32_t first_sample)
-    : scene_(scene), seed_(seed.value_or(scene.seed)), first_sample_(first_sample),
-      state_{Sums(width() * height() * channels()), Counts(scene.scene->film())} {}
+                         std::uint32_t first_sample, std::optional<TileRows> rows)
+    : scene_(scene), window_(window_of(scene.scene->film(), rows)),
+      top_(static_cast<std::uint32_t>(window_.crop_offset_y - scene.scene->film().crop_offset_y)),
+      seed_(seed.value_or(scene.seed)), first_sample_(first_sample),
+      state_{Sums(width() * height() * channels()), Counts(window_)} {}
 
 bool Accumulator::advance(std::uint32_t samples, int threads, bool one_lane) {
     const std::vector<std::uint32_t> all(get(&RenderState::counts).values().size(), samples);
@@ -24,11 +40,12 @@ bool Accumulator::advance(std::span<const std::uint32_t> samples, int threads, b
     if (samples.size() != targets.values().size())
         throw std::invalid_argument("samples must have the shape of counts");
     Job job{scene_.sequence, seed_, SampleRanges(film), threads, one_lane};
+    const auto ranges = job.ranges.values().subspan(2 * targets.columns() * (top_ / cell_size));
     for (std::size_t i = 0; i < samples.size(); ++i) {
         std::uint32_t &target = targets.values()[i];
-        job.ranges.values()[i].first = first_sample_ + target;
+        ranges[i].first = first_sample_ + target;
         target = std::max(target, samples[i]);
-        job.ranges.values()[i].end = first_sample_ + target;
+        ranges[i].end = first_sample_ + target;
     }
     samples_to_take_ =
         std::max<std::uint64_t>(1, sample_count({0, 0, film.crop_width, film.crop_height}, job.ranges));
@@ -36,14 +53,20 @@ bool Accumulator::advance(std::span<const std::uint32_t> samples, int threads, b
     const Report report = render(*scene_.scene, scene_.output, job, progress_,
                                  [&](const Tile &tile, const Sums &sums) { add_tile(tile, sums, targets); });
     const std::lock_guard lock(results_);
-    state_.rays += report.rays;
-    state_.nonfinite += report.nonfinite;
-    for (const SampleId &id : report.nonfinite_samples)
-        if (state_.nonfinite_list.size() < Report::kept_samples) state_.nonfinite_list.push_back(id);
+    add_report(report.rays, report.nonfinite, report.nonfinite_samples);
     return !progress_.cancelled.exchange(false);
 }
 
-void Accumulator::add_tile(const Tile &tile, const Sums &sums, const Counts &counts) {
+void Accumulator::add_report(std::uint64_t rays, std::uint64_t nonfinite,
+                             std::span<const SampleId> nonfinite_samples) {
+    state_.rays += rays;
+    state_.nonfinite += nonfinite;
+    for (const SampleId &id : nonfinite_samples)
+        if (state_.nonfinite_list.size() < Report::kept_samples) state_.nonfinite_list.push_back(id);
+}
+
+void Accumulator::add_tile(Tile tile, const Sums &sums, const Counts &counts) {
+    tile.y0 -= static_cast<int>(top_), tile.y1 -= static_cast<int>(top_);
     const std::lock_guard lock(results_);
     const std::size_t row = channels() * static_cast<std::size_t>(tile.x1 - tile.x0);
     std::size_t from = 0;
@@ -64,8 +87,8 @@ double Accumulator::progress() const {
     return static_cast<double>(progress_.samples) / static_cast<double>(samples_to_take_);
 }
 
-std::size_t Accumulator::width() const { return static_cast<std::size_t>(scene_.scene->film().crop_width); }
-std::size_t Accumulator::height() const { return static_cast<std::size_t>(scene_.scene->film().crop_height); }
+std::size_t Accumulator::width() const { return static_cast<std::size_t>(window_.crop_width); }
+std::size_t Accumulator::height() const { return static_cast<std::size_t>(window_.crop_height); }
 std::size_t Accumulator::channels() const { return scene_.output.channel_count(); }
 
 std::vector<float> Accumulator::image() const {
@@ -102,6 +125,22 @@ void Accumulator::restore(RenderState state) {
     if (state.sums.size() != state_.sums.size())
         throw std::invalid_argument("the samples are of a picture of another size");
     state_ = std::move(state);
+}
+
+void Accumulator::add(const RenderState &part, std::size_t first_tile_row) {
+    const std::lock_guard one_at_a_time(advancing_);
+    const std::lock_guard lock(results_);
+    const std::size_t first = first_tile_row * tile_size, row = width() * channels();
+    const std::size_t first_count = 2 * state_.counts.columns() * (first / cell_size);
+    const auto counts = state_.counts.values();
+    if (first * row + part.sums.size() > state_.sums.size() ||
+        part.counts.columns() != state_.counts.columns() ||
+        first_count + part.counts.values().size() > counts.size())
+        throw std::invalid_argument("the samples are of a picture of another size");
+    state_.sums.add(first * row, part.sums, 0, part.sums.size());
+    for (std::size_t i = 0; i < part.counts.values().size(); ++i)
+        counts[first_count + i] += part.counts.values()[i];
+    add_report(part.rays, part.nonfinite, part.nonfinite_list);
 }
 
 std::vector<float> means(const Sums &sums, std::size_t channels, std::span<const std::uint32_t> counts) {

@@ -18,6 +18,11 @@ struct RenderableScene;
 
 using Counts = PerHalf<std::uint32_t>; // samples of each pixel
 
+// Some rows of the picture's tiles.
+struct TileRows {
+    std::size_t first, end;
+};
+
 // The samples so far.
 struct RenderState {
     Sums sums; // the channels of a pixel side by side, row by row
@@ -30,9 +35,10 @@ struct RenderState {
 class Accumulator {
 public:
     // The scene must outlive this. Default of the seed: that of the scene. Each pixel takes its samples in
-    // order, the first one of which is `first_sample`.
+    // order, the first one of which is `first_sample`. With `rows`, this is a render of a part of the
+    // picture. Throws std::invalid_argument for rows that there are not.
     explicit Accumulator(const RenderableScene &scene, std::optional<std::uint32_t> seed = std::nullopt,
-                         std::uint32_t first_sample = 0);
+                         std::uint32_t first_sample = 0, std::optional<TileRows> rows = std::nullopt);
 
     // Adds samples until every pixel has at least this many: one number, or one for each half of all cells.
     // threads = 0 uses them all; one_lane follows one path after the other, for the same bits. Returns false
@@ -50,6 +56,10 @@ public:
     std::uint32_t samples() const;                   // that every pixel has, at least
     RenderState state() const;
     void restore(RenderState state); // throws std::invalid_argument if it is not of this scene
+    // Adds the state of a render of some rows of tiles from `first_tile_row` on, whose samples follow those
+    // that there are. Its counts are numbers of additional samples. Throws std::invalid_argument if it does
+    // not fit.
+    void add(const RenderState &part, std::size_t first_tile_row);
 
     template <class T>
     T get(T RenderState::*member) const {
@@ -59,9 +69,12 @@ public:
 
 private:
     std::vector<std::uint32_t> counts_of_pixels() const; // needs the lock
-    void add_tile(const Tile &tile, const Sums &sums, const Counts &counts);
+    void add_tile(Tile tile, const Sums &sums, const Counts &counts);
+    void add_report(std::uint64_t rays, std::uint64_t nonfinite, std::span<const SampleId> nonfinite_samples);
 
     const RenderableScene &scene_;
+    Film window_;       // of which the rows of tiles are all
+    std::uint32_t top_; // the first of its rows of pixels, within the scene's window
     Progress progress_;
     std::atomic<std::uint64_t> samples_to_take_{1}; // in the running advance()
     std::uint32_t seed_, first_sample_;

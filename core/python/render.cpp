@@ -4,6 +4,7 @@
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
@@ -99,14 +100,38 @@ bool advance_halves(Accumulator &render, const Array<std::uint32_t> &samples, in
     return render.advance(std::span(samples.data(), samples.size()), threads, one_lane);
 }
 
-void restore(Accumulator &render, const PixelSums &sums, const Array<std::uint32_t> &counts,
-             std::uint64_t rays, std::uint64_t nonfinite, const SampleList &nonfinite_list) {
-    RenderState state{sums.sums, render.get(&RenderState::counts), rays, nonfinite, {}};
+RenderState make_state(const PixelSums &sums, Counts pixel_counts, const Array<std::uint32_t> &counts,
+                       std::uint64_t rays, std::uint64_t nonfinite, const SampleList &nonfinite_list) {
+    RenderState state{sums.sums, std::move(pixel_counts), rays, nonfinite, {}};
     if (counts.size() != state.counts.values().size())
         throw std::invalid_argument("the samples are of a picture of another size");
     std::copy_n(counts.data(), counts.size(), state.counts.values().begin());
     for (const auto &[x, y, index] : nonfinite_list) state.nonfinite_list.push_back({x, y, index});
-    render.restore(std::move(state));
+    return state;
+}
+
+void restore(Accumulator &render, const PixelSums &sums, const Array<std::uint32_t> &counts,
+             std::uint64_t rays, std::uint64_t nonfinite, const SampleList &nonfinite_list) {
+    render.restore(
+        make_state(sums, render.get(&RenderState::counts), counts, rays, nonfinite, nonfinite_list));
+}
+
+void add(Accumulator &render, std::size_t first_tile_row, const PixelSums &sums,
+         const Array<std::uint32_t> &counts, std::uint64_t rays, std::uint64_t nonfinite,
+         const SampleList &nonfinite_list) {
+    if (sums.width != render.width() || sums.channels != render.channels())
+        throw std::invalid_argument("the samples are of a picture of another size");
+    Film part;
+    part.crop_width = static_cast<int>(sums.width), part.crop_height = static_cast<int>(sums.rows);
+    render.add(make_state(sums, Counts(part), counts, rays, nonfinite, nonfinite_list), first_tile_row);
+}
+
+std::unique_ptr<Accumulator> make_render(const RenderableScene &scene, std::optional<std::uint32_t> seed,
+                                         std::uint32_t first_sample,
+                                         std::optional<std::pair<std::size_t, std::size_t>> tile_rows) {
+    std::optional<TileRows> rows;
+    if (tile_rows) rows = TileRows{tile_rows->first, tile_rows->second};
+    return std::make_unique<Accumulator>(scene, seed, first_sample, rows);
 }
 
 } // namespace
@@ -127,9 +152,10 @@ void bind_render(nb::module_ &m) {
              "Means: float32 (rows, width, channels), of sums of counts (rows, width) samples.");
 
     nb::class_<Accumulator>(m, "Render", "The running mean of a scene's samples.")
-        .def(nb::init<const RenderableScene &, std::optional<std::uint32_t>, std::uint32_t>(), "scene"_a,
-             "seed"_a = nb::none(), "first_sample"_a = 0, nb::keep_alive<1, 2>(),
-             "Each pixel takes its samples in order, beginning with `first_sample`.")
+        .def(nb::new_(&make_render), "scene"_a, "seed"_a = nb::none(), "first_sample"_a = 0,
+             "tile_rows"_a = nb::none(), nb::keep_alive<0, 2>(),
+             "Each pixel takes its samples in order, beginning with `first_sample`. With tile_rows = (first, "
+             "end), this is a render of these rows of tiles, and its arrays have only their pixels.")
         .def("advance", nb::overload_cast<std::uint32_t, int, bool>(&Accumulator::advance), "samples"_a,
              "threads"_a = 0, "one_lane"_a = false, nb::call_guard<nb::gil_scoped_release>(),
              "Adds samples until every pixel has at least `samples`. threads = 0 uses them all; one_lane "
@@ -173,6 +199,10 @@ void bind_render(nb::module_ &m) {
             "Samples of each pixel: uint32 (height, width).")
         .def("restore", &restore, "sums"_a, "counts"_a, "rays"_a, "nonfinite"_a, "nonfinite_list"_a,
              "Replaces all samples by those of another render of this scene.")
+        .def("add", &add, "first_tile_row"_a, "sums"_a, "counts"_a, "rays"_a, "nonfinite"_a,
+             "nonfinite_list"_a,
+             "Adds samples of some rows of tiles, by another render of this scene: `counts` for each half of "
+             "a cell, which come after those that it has.")
         .def_prop_ro("samples", &Accumulator::samples, "Samples that every pixel has, at least.")
         .def_prop_ro(
             "rays", [](const Accumulator &self) { return self.get(&RenderState::rays); },

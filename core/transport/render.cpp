@@ -159,6 +159,7 @@ std::vector<Report> render_tiles(const Scene &scene, const Output &output, const
     const auto for_each = [&](auto &&render) {
         for_each_tile(tiles, job.threads, [&](std::size_t i, const Tile &tile) {
             TileSamples samples(scene.film(), tile, job.ranges);
+            if (samples.left() == 0) return;
             Report report;
             Tracer tracer(scene.accel(), recording ? &(*recording)[i] : nullptr);
             TileAccumulator accumulator(scene, output, tile, tracer, report);

@@ -91,7 +91,8 @@ struct Progress {
 Spectrum sample_radiance(const Scene &scene, const Integrator &integrator, SequenceKind sequence,
                          std::uint32_t seed, SampleId id, Tracer &tracer);
 
-// Called with the sums of a finished tile's samples: channel_count() for each of its pixels, row by row.
+// Called with the sums of a finished tile's samples, if there are any: channel_count() for each of its
+// pixels, row by row.
 using TileDone = std::function<void(const Tile &tile, const Sums &sums)>;
 
 // Takes the job's samples. `done` may be called from several threads at a time. If the job is cancelled,

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from lajolla.image import Image
     from lajolla.limits import OptionError
     from lajolla.loading import Scene, load, load_dict
-    from lajolla.messages import LajollaWarning
+    from lajolla.messages import ClusterError, ClusterWarning, LajollaWarning
     from lajolla.picture_files import ImageError, ImageWarning
     from lajolla.render import Progress, Rendering
     from lajolla.scene import SceneError, SceneWarning
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "ClusterError",
+    "ClusterWarning",
     "DenoiseError",
     "Image",
     "ImageError",
@@ -72,7 +74,7 @@ _HOMES = {
     **dict.fromkeys(("Progress", "Rendering"), "render"),
     **dict.fromkeys(("Scene", "load", "load_dict"), "loading"),
     **dict.fromkeys(("SceneError", "SceneWarning"), "scene"),
-    "LajollaWarning": "messages",
+    **dict.fromkeys(("ClusterError", "ClusterWarning", "LajollaWarning"), "messages"),
 }
 
 with suppress(processor.LevelError):  # an error when the core is used, not for --help

@@ -84,9 +84,14 @@ def needs_names(aovs: Sequence[str]) -> bool:
     return any(AOVS[aov].kind for aov in aovs)
 
 
+def object_layers(aovs: Sequence[str]) -> list[str]:
+    """Those that are not rendered by samples, but afterwards: ids and mattes."""
+    return [aov for aov in aovs if is_matte(aov) or aov in IDS]
+
+
 def object_channels(aovs: Sequence[str]) -> int:
-    """The number of channels that are not rendered by samples, but afterwards."""
-    return sum(2 * RANKS if is_matte(aov) else aov in IDS for aov in aovs)
+    """The number of their channels."""
+    return sum(2 * RANKS if is_matte(aov) else 1 for aov in object_layers(aovs))
 
 
 def with_aovs(

@@ -44,7 +44,7 @@ examples:
   lajolla denoise noisy.exr -o clean.exr
   lajolla denoise noisy.exr -o clean.png --exposure 1
 
-Layers albedo.R, ... and normal.X, ... of the picture help to keep details. 'lajolla render --denoise' renders
+Layers albedo.R, ... and normal.x, ... of the picture help to keep details. 'lajolla render --denoise' renders
 better ones.""",
     "check": """\
 examples:
@@ -142,6 +142,8 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
         parser.error("--sample needs --pixel")
     if arguments.all_sensors and (arguments.sensor is not None or arguments.pixel is not None):
         parser.error("--all-sensors cannot be combined with --sensor or --pixel")
+    if arguments.mixed and arguments.cluster is None:
+        parser.error("--mixed needs --cluster")
     outputs = [str(path) for path in arguments.outputs or []]
     if str(arguments.scene) == "-" and not outputs and arguments.pixel is None:
         parser.error("a scene from standard input has no name for its picture: name it with -o")
@@ -323,6 +325,17 @@ def _add_render(parser: Parser) -> None:
         help="begin with this sample of each pixel, to render one picture in parts, for `lajolla merge`",
     )
     group = _add_run(parser)
+    group.add_argument(
+        "--cluster",
+        metavar="ADDRESS",
+        help="render on the workers of a Dask scheduler, tcp://HOST:8786, or in N processes of this machine, "
+        "local:N; --threads is then of each worker",
+    )
+    group.add_argument(
+        "--mixed",
+        action="store_true",
+        help="with --cluster: permit other instruction sets, which change the last bits of a picture",
+    )
     group.add_argument(
         "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
     )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lajolla import _core, processor
 from lajolla.adaptive import Counts, Halves
-from lajolla.aovs import IDS, is_matte
+from lajolla.aovs import object_layers
 from lajolla.film import Film
 from lajolla.identity import differences, sections
 from lajolla.image import Image
@@ -89,7 +89,7 @@ class Checkpoint:
     @property
     def left_out(self) -> list[str]:
         """AOVs that a picture of it does not have, because they need the scene."""
-        return [aov for aov in self.aovs if aov in IDS or is_matte(aov)]
+        return object_layers(self.aovs)
 
     def write(self, path: Path) -> None:
         """Writes a file in place of the one that is there. Raises ImageError."""

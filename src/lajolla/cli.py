@@ -13,8 +13,8 @@ import os
 import resource
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO
@@ -101,7 +101,10 @@ def _run_command(arguments: argparse.Namespace) -> int:
         raise UsageError("standard output is closed, and the result belongs there")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy would start threads that spin for nothing
     # This loads the renderer, outside of the block whose handlers need it: the user may interrupt already.
-    refusals = (lajolla.OptionError, lajolla.ImageError, lajolla._core.DescriptionError)
+    refusals = (
+        *(lajolla.OptionError, lajolla.ImageError, lajolla.ClusterError),
+        lajolla._core.DescriptionError,
+    )
     try:
         code = COMMANDS[arguments.command](arguments)
         sys.stdout.flush()
@@ -167,6 +170,7 @@ def command_render(arguments: argparse.Namespace) -> int:
     for output in outputs:
         output.check()
         output.check_space(scene, layers=9 if arguments.denoise else 0)
+        output.check_layers(scene, arguments)
     has_more = scene.core.channels or scene.aovs
     if has_more and not any(output.holds_channels for output in outputs):
         *some, last = lajolla.picture_formats.HOLD_CHANNELS
@@ -178,6 +182,8 @@ def command_render(arguments: argparse.Namespace) -> int:
         adaptive=arguments.adaptive,
         threads=arguments.threads,
         first_sample=arguments.first_sample,
+        cluster=arguments.cluster,
+        mixed=arguments.mixed,
     )
     if arguments.resume is not None:
         lajolla.checkpoint.resume(rendering, arguments.resume)
@@ -187,23 +193,42 @@ def command_render(arguments: argparse.Namespace) -> int:
     displayed = partial(progress_display, pixels=scene.width * scene.height, quiet=arguments.quiet)
     patience = Patience("the picture")
     features = None
+    failure: lajolla.ClusterError | None = None
     with handled_by(patience):
-        with suppress(Interrupt):
-            if arguments.denoise:  # first, so that an interrupted picture can be denoised too
-                with displayed(label="features: ") as observe:
-                    features = scene.features(threads=arguments.threads, observe=patience.stopping(observe))
-            with displayed() as observe:
-                rendering.run(patience.stopping(_saving(saver, observe)))
-        if rendering.samples == 0 and patience.interrupt is not None:
-            raise patience.interrupt
+        try:
+            with suppress(Interrupt), _warnings_printed():
+                if arguments.denoise:  # first, so that an interrupted picture can be denoised too
+                    with displayed(label="features: ") as observe:
+                        features = scene.features(
+                            threads=arguments.threads, observe=patience.stopping(observe)
+                        )
+                with displayed() as observe:
+                    rendering.run(patience.stopping(_saving(saver, observe)))
+        except lajolla.ClusterError as problem:
+            failure = problem
+        if rendering.samples == 0 and (failure or patience.interrupt) is not None:
+            raise failure or patience.interrupt
         patience.save(_save, outputs, scene, rendering, features, arguments, saver)
         names = ", ".join(str(output) for output in outputs)
+        if failure is not None:
+            say(f"error: {failure}")
+            say(f"wrote {names} with what had arrived ({_summary(scene, rendering)})")
+            return 1
         if patience.interrupt is not None:
             say(f"interrupted; wrote {names} ({_summary(scene, rendering)})")
             return patience.interrupt.exit_code
         if not arguments.quiet:
             say(f"wrote {names} ({_summary(scene, rendering)})")
     return 0
+
+
+@contextmanager
+def _warnings_printed() -> Iterator[None]:
+    """Prints warnings of the package as they come, in one line each."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", lajolla.LajollaWarning)
+        warnings.showwarning = lambda message, *rest: say(f"warning: {message}")
+        yield
 
 
 def _saving(saver: lajolla.checkpoint.Saver | None, observe: Observer) -> Observer:

@@ -17,7 +17,7 @@ from lajolla.limits import OptionError
 from lajolla.picture_files import ImageError
 
 FEATURE_SAMPLES = 16  # per pixel; what is left of their noise is filtered
-LAYERS = {"albedo": ("albedo.R", "albedo.G", "albedo.B"), "normal": ("normal.X", "normal.Y", "normal.Z")}
+LAYERS = {"albedo": ("albedo.R", "albedo.G", "albedo.B"), "normal": ("normal.x", "normal.y", "normal.z")}
 NOISY = ("noisy.R", "noisy.G", "noisy.B")  # the picture before denoising
 MARGIN = 16  # pixels; with mirrored ones around it, the network errs less at the picture's border
 ALIGNMENT = 16  # the network halves the resolution four times
@@ -80,10 +80,11 @@ def denoised(
 
 def _denoised(colour: FloatImage, layers: Mapping[str, FloatImage], threads: int | None) -> FloatImage:
     features = {}
+    layers = {name.lower(): values for name, values in layers.items()}  # others write normal.X
     for name, channels in LAYERS.items():  # the network knows no normals without albedo
-        if not all(channel in layers for channel in channels):
+        if not all(channel.lower() in layers for channel in channels):
             break
-        features[name] = np.dstack([layers[channel] for channel in channels])
+        features[name] = np.dstack([layers[channel.lower()] for channel in channels])
     limits = {"albedo": (0.0, 1.0), "normal": (-1.0, 1.0)}
     height, width = colour.shape[:2]
     with _device(threads) as device:

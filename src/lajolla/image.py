@@ -8,7 +8,7 @@ import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, BinaryIO, TypeAlias
@@ -145,10 +145,10 @@ class Image:
         """The picture without noise, by Intel Open Image Denoise (`pip install 'lajolla[denoise]'`).
 
         The result's channels contain this picture too, as "noisy.R", "noisy.G" and "noisy.B", and the
-        features. Alpha and other channels stay as they are.
+        features, if it has no such layers itself. Alpha and other layers stay as they are.
 
         Args:
-            features: channels "albedo.R", ... and "normal.X", ... of the same size, which say what the
+            features: channels "albedo.R", ... and "normal.x", ... of the same size, which say what the
                 network should keep; `Scene.features` renders them. Default: those that the picture has,
                 if any.
             threads: number of threads, with the same result; default: all.
@@ -165,7 +165,9 @@ class Image:
                 raise ImageError(f"feature {name!r} has shape {np.shape(values)}, not {self.array.shape[:2]}")
         array = denoising.denoised(self.array, given, threads=threads)
         noisy = dict(zip(denoising.NOISY, np.moveaxis(self.array, 2, 0), strict=True))
-        return Image(array, {**given, **self.channels, **noisy}, self.film)
+        own = {name.rpartition(".")[0] for name in self.channels}
+        kept = {name: values for name, values in given.items() if name.rpartition(".")[0] not in own}
+        return Image(array, {**kept, **self.channels, **noisy}, self.film, self.layers)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:  # noqa: ANN401
         return np.array(self.array, dtype=dtype) if copy else np.asarray(self.array, dtype=dtype)
@@ -391,7 +393,8 @@ def write(
 def _write_exr(target: Target, image: Image, half: bool, compression: str) -> None:
     """Stores colours alone as 16-bit numbers, as compositors expect: these are too coarse for positions."""
     data = {k: v for name, layer in image.layers.items() for k, v in layer.channels(name).items()}
-    _check_exact(target, image, data, compression)
+    check_exact(target, image.layers, image.film, half=half, compression=compression)
+    _warn_of_large_ids(target, data)
     others = {name: values for name, values in image.channels.items() if name != "A"}
     pixels: NDArray[Any] = np.dstack(
         [image.film.develop(image.array, image.channels), *others.values(), *data.values()]
@@ -416,24 +419,24 @@ def _is_colour(channel: str, film: Film) -> bool:
     return channel in film.names or (letter in ("R", "G", "B", "A") and layer != VARIANCE)
 
 
-def _check_exact(target: Target, image: Image, data: Mapping[str, FloatImage], compression: str) -> None:
-    """Raises ImageError, or warns, if an EXR file cannot hold the numbers of layers as they are."""
+def check_exact(target: Target, layers: Collection[str], film: Film, *, half: bool, compression: str) -> None:
+    """Raises ImageError if an EXR file cannot hold the numbers of these layers, ids and mattes, exactly."""
     if compression not in COMPRESSIONS:
         raise ImageError(f"unknown compression {compression!r}{suggestion(compression, COMPRESSIONS)}")
-    if not data:
-        return
-    name = next(iter(image.layers))
-    if compression == "pxr24":
-        raise ImageError(f"{name_of(target)}: pxr24 rounds numbers, which would destroy the layer {name!r}")
-    if image.film.component_format == "uint32":
-        raise ImageError(f"{name_of(target)}: a film of whole numbers cannot hold the layer {name!r}")
+    for name in layers:
+        if compression == "pxr24":
+            raise ImageError(
+                f"{name_of(target)}: pxr24 rounds numbers, which would destroy the layer {name!r}"
+            )
+        if film.component_format == "uint32" and not half:
+            raise ImageError(f"{name_of(target)}: a film of whole numbers cannot hold the layer {name!r}")
+
+
+def _warn_of_large_ids(target: Target, data: Mapping[str, FloatImage]) -> None:
     for label, values in data.items():
         if label.endswith(".I") and values.max(initial=0) > EXACT:
-            warn(
-                ImageWarning(
-                    f"{name_of(target)}: numbers in {label} above {EXACT} are rounded, but not in NPZ"
-                )
-            )
+            problem = f"numbers in {label} above {EXACT} are rounded, but not in NPZ"
+            warn(ImageWarning(f"{name_of(target)}: {problem}"))
 
 
 def _write_matrix(target: Target, ending: str, image: Image) -> None:

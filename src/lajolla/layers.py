@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lajolla.aovs import RANKS
+from lajolla.aovs import RANKS, VARIANCE
 from lajolla.colour import FloatImage
 
 IdImage = NDArray[np.int32]
@@ -128,7 +128,25 @@ def _rotated(bits: int, by: int) -> int:
     return (bits << by | bits >> (32 - by)) & 0xFFFFFFFF
 
 
-def variance_of_mean(mean: FloatImage, mean_square: FloatImage, counts: NDArray[np.uint32]) -> FloatImage:
+def named_channels(
+    values: FloatImage, labels: Sequence[str], counts: NDArray[np.uint32]
+) -> dict[str, FloatImage]:
+    """The channels beside red, green and blue of a render, by name.
+
+    Args:
+        values: the means of the samples, (height, width, 3 + number of labels).
+        labels: of the channels behind the first three.
+        counts: numbers of samples, (height, width).
+    """
+    channels = {label: values[..., 3 + index] for index, label in enumerate(labels)}
+    for index, letter in enumerate("RGB"):
+        label = f"{VARIANCE}.{letter}"
+        if label in channels:
+            channels[label] = _variance_of_mean(values[..., index], channels[label], counts)
+    return channels
+
+
+def _variance_of_mean(mean: FloatImage, mean_square: FloatImage, counts: NDArray[np.uint32]) -> FloatImage:
     """The unbiased estimate from the means of samples and of their squares; infinite for one sample.
 
     All arrays have the same shape; `counts` has the numbers of samples.

@@ -1,12 +1,14 @@
 """Loads scenes from files or dicts."""
 
+from __future__ import annotations
+
 import math
 import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +33,9 @@ from lajolla.scene import (
     describe,
     load_description,
 )
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 
 class Scene:
@@ -83,6 +88,8 @@ class Scene:
         seed: int | None = None,
         threads: int | None = None,
         first_sample: int = 0,
+        cluster: str | Client | None = None,
+        mixed: bool = False,
     ) -> Rendering:
         """A Rendering to run step by step; see `render`.
 
@@ -104,6 +111,20 @@ class Scene:
             adaptive=noise is not None if adaptive is None else adaptive,
         )
         seed = self.core.seed if seed is None else seed
+        if cluster is not None:
+            from lajolla.cluster import ClusterRendering  # here, as it takes long
+
+            return ClusterRendering(
+                self.core,
+                self.description.core,
+                cluster=cluster,
+                mixed=mixed,
+                rules=rules,
+                seed=seed,
+                threads=threads,
+                film=self.film,
+                first_sample=first_sample,
+            )
         threads = available_threads() if threads is None else threads
         if spp is not None and spp < 2 and VARIANCE in self.aovs:
             raise OptionError("the aov 'variance' needs at least two samples per pixel")
@@ -128,6 +149,8 @@ class Scene:
         adaptive: bool | None = None,
         seed: int | None = None,
         threads: int | None = None,
+        cluster: str | Client | None = None,
+        mixed: bool = False,
         observe: Callable[[Progress], None] = lambda progress: None,
         denoise: bool = False,
     ) -> Image:
@@ -144,7 +167,12 @@ class Scene:
                 mean of squared errors divided by v^2 + m^2 / 100, of values v and their mean m.
             adaptive: whether to take more samples where the error is larger; default: if noise is given.
             seed: seed of the sampler; default: the scene's own seed.
-            threads: number of threads; default: as many as this process may use.
+            threads: number of threads; default: as many as this process may use. With `cluster`: of each
+                worker; default: as many as it has.
+            cluster: renders on the workers of a Dask scheduler, such as "tcp://host:8786", or of a
+                `distributed.Client`; or in so many processes of this machine, such as "local:4". The picture
+                is the same. Raises ClusterError.
+            mixed: permits workers with another instruction set; the picture may then differ in the last bits.
             observe: called with the progress about ten times a second.
             denoise: removes noise with the help of `features`; see `Image.denoise`. If that fails, the
                 picture is returned as rendered, with an ImageWarning.
@@ -156,7 +184,14 @@ class Scene:
         if denoise:
             check_available()
         rendering = self.rendering(
-            spp=spp, seconds=seconds, noise=noise, adaptive=adaptive, seed=seed, threads=threads
+            spp=spp,
+            seconds=seconds,
+            noise=noise,
+            adaptive=adaptive,
+            seed=seed,
+            threads=threads,
+            cluster=cluster,
+            mixed=mixed,
         )
         features = self.features(seed=seed, threads=threads) if denoise else None
         rendering.run(observe)
@@ -177,7 +212,7 @@ class Scene:
         threads: int | None = None,
         observe: Callable[[Progress], None] = lambda progress: None,
     ) -> dict[str, FloatImage]:
-        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.Z", by their names.
+        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.z", by their names.
 
         They show the first surface that is neither a mirror nor glass, with little noise; see
         docs/denoising.md. Raises OptionError if the integrator shows no light.

@@ -16,6 +16,14 @@ class LajollaWarning(UserWarning):
     """A request that is not fulfilled exactly; shown or filtered by Python's `warnings`."""
 
 
+class ClusterWarning(LajollaWarning):
+    """A worker takes no part in a render, or there are none."""
+
+
+class ClusterError(Exception):
+    """The workers or their scheduler cannot be used, or not any more; the message states why."""
+
+
 def warn(warning: LajollaWarning) -> None:
     """Issues a Python warning, located at the caller's line outside of the package."""
     level, frame = 1, sys._getframe()

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TextIO
 
-from lajolla.aovs import object_channels
+from lajolla.aovs import object_channels, object_layers
 from lajolla.arguments import STREAMS
 from lajolla.display import say
 from lajolla.film import Film
-from lajolla.image import Image, check_output, check_space
+from lajolla.image import Image, check_exact, check_output, check_space
 from lajolla.loading import Scene
 from lajolla.picture_files import ImageError, ImageWarning
 from lajolla.picture_formats import ENDINGS, HOLD_CHANNELS, ending_of
@@ -66,6 +66,13 @@ class Output:
         if not self.is_standard:
             channels = 3 + len(scene.core.channels) + object_channels(scene.aovs) + layers
             check_space(self.path, scene.width, scene.height, channels, self.named_format)
+
+    def check_layers(self, scene: Scene, arguments: argparse.Namespace) -> None:
+        """Raises ImageError if the file cannot hold the scene's ids and mattes exactly."""
+        if ending_of(self.path, self.named_format) == ".exr":
+            half, compression = arguments.half, arguments.compression
+            layers = object_layers(scene.aovs)
+            check_exact(self.target, layers, scene.film, half=half, compression=compression)
 
     def save(self, picture: Image, *, exposure: float, half: bool, compression: str) -> None:
         picture.save(

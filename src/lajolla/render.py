@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from lajolla import _core
 from lajolla.adaptive import FIRST_COUNT, Counts, ErrorEstimate, Halves
-from lajolla.aovs import SAMPLES, VARIANCE
+from lajolla.aovs import SAMPLES
 from lajolla.colour import FloatImage
 from lajolla.film import Film
 from lajolla.image import Image
-from lajolla.layers import variance_of_mean
+from lajolla.layers import named_channels
 from lajolla.limits import LIMITS, MOST_SAMPLES, OptionError
 from lajolla.messages import names_checked
 from lajolla.objects import ObjectLayers
@@ -143,10 +143,12 @@ class Rendering:
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
         """Renders until a stop rule is met; calls `observe` in this thread about ten times a second."""
         with ThreadPoolExecutor(1) as worker:
-            for counts in (
-                self._rounds() if self.rules.in_rounds else self._even_passes(self.rules.most_samples)
-            ):
+            for counts in self._passes():
                 self._advance(counts, worker, observe)
+
+    def _passes(self) -> Iterator[Counts]:
+        """The numbers of samples after each pass."""
+        return self._rounds() if self.rules.in_rounds else self._even_passes(self.rules.most_samples)
 
     def _advance(
         self, counts: Counts, worker: ThreadPoolExecutor, observe: Callable[[Progress], None]
@@ -225,11 +227,7 @@ def developed(
     film: Film,
 ) -> Image:
     """The picture of means (height, width, 3 + number of labels) of counts (height, width) samples."""
-    channels = {label: means[..., 3 + index] for index, label in enumerate(labels)}
-    if VARIANCE in aovs:
-        for index, letter in enumerate("RGB"):
-            mean, square = means[..., index], channels[f"{VARIANCE}.{letter}"]
-            channels[f"{VARIANCE}.{letter}"] = variance_of_mean(mean, square, counts)
+    channels = named_channels(means, labels, counts)
     if SAMPLES in aovs:
         channels[f"{SAMPLES}.C"] = counts.astype(np.float32)
     return Image(means[..., :3], channels, film)
