@@ -219,15 +219,16 @@ def _run_and_save(
                         )
                 with displayed() as observe:
                     rendering.run(patience.stopping(_saving(saver, observe)))
-        except lajolla.ClusterError as problem:
-            failure = problem
-        if rendering.samples == 0 and (failure or patience.interrupt) is not None:
-            raise failure or patience.interrupt
+        except lajolla.ClusterError as error:
+            failure = error
+        problem = failure or patience.interrupt
+        if rendering.samples == 0 and problem is not None:
+            raise problem
         patience.save(_save, outputs, scene, rendering, features, arguments, saver)
     written = f"wrote {', '.join(map(str, outputs))} ({_summary(scene, rendering)})"
     if failure is not None:
         say(f"error: {failure}")
-        say(f"{written}, with what had arrived")
+        say(written)
         return 1
     if patience.interrupt is not None:
         say(f"interrupted; {written}")
