@@ -132,7 +132,7 @@ def test_pixel(capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("", "a command is required: render, check, convert, compare, list, completion"),
+        ("", "a command is required: render, denoise, check, convert, compare, merge, list, completion"),
         ("rendr room.xml", "unknown command 'rendr'; did you mean 'render'?"),
         ("room.xml", "did you mean: lajolla render room.xml"),
         ("test", "./lajolla test"),

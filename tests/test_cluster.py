@@ -268,7 +268,7 @@ def test_a_scheduler_that_ends(
     assert time.perf_counter() - added[19] < 10
     message = capsys.readouterr().err
     assert "error: the scheduler is gone" in message
-    assert "wrote a.exr with what had arrived" in message
+    assert "wrote a.exr (" in message
     saved = checkpoint.read(Path("a.npz"))
     assert saved.counts.min() > 0
     np.testing.assert_array_equal(lajolla.Image.open("a.exr").array, saved.image().array)

@@ -8,22 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from process_tools import build_folder
 
 from lajolla import _core
 
 
 def built_program() -> Path:
     """`lajolla-core`, which stands beside the extension module in the folder where both were built."""
-    module = Path(_core.__file__).resolve()
-    folders = [folder for folder in module.parents if (folder / "CMakeCache.txt").is_file()]
-    if not folders:
-        root = Path(__file__).resolve().parent.parent
-        folders = [cache.parent for cache in sorted(root.glob("build/*/CMakeCache.txt"))]
-    for folder in folders:
-        program = folder / "core" / "engine" / "lajolla-core"
-        if program.is_file():
-            return program
-    pytest.skip("there is no build folder with lajolla-core")
+    program = build_folder() / "core" / "engine" / "lajolla-core"
+    if not program.is_file():
+        pytest.skip("lajolla-core is not built")
+    return program
 
 
 Axis = tuple[float, float, float]

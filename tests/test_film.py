@@ -61,8 +61,11 @@ def test_exr_holds_the_film_s_channels_and_all_others(tmp_path: Path, pixel_form
 
 @pytest.mark.parametrize(("component", "kind"), film.COMPONENT_FORMATS.items())
 def test_numbers_of_exr_files(tmp_path: Path, component: str, kind: str) -> None:
-    _, found, values = saved(tmp_path, "a.exr", component_format=component)
-    assert found == kind
+    names, found, values = saved(tmp_path, "a.exr", component_format=component)
+    spec = oiio.ImageInput.open(str(tmp_path / "a.exr")).spec()
+    formats = dict(zip(names, map(str, spec.channelformats or [spec.format] * len(names)), strict=True))
+    assert formats == {**dict.fromkeys("RGB", kind), "d.T": "float" if kind == "half" else kind}
+    assert found == formats["d.T"]
     expected = np.rint(RGB) if kind == "uint" else RGB
     np.testing.assert_allclose(values[..., :3], expected, rtol=2**-11, atol=1e-6)
     np.testing.assert_array_equal(image.read(tmp_path / "a.exr"), values[..., :3])
@@ -280,7 +283,7 @@ def test_files_that_cannot_hold_all_channels_are_told(
     monkeypatch.chdir(write(tmp_path, "hdrfilm", texts(pixel_format="rgba")).parent)
     words = ["render", "room.xml", "--quiet", "--spp", "1", "-o"]
     assert cli.main([*words, "a.pfm"]) == 0
-    assert "only .exr and .npy files hold all channels" in capsys.readouterr().err
+    assert "only .exr, .npy and .npz files hold all channels" in capsys.readouterr().err
     assert cli.main([*words, "a.exr", "-o", "a.pfm"]) == 0
     assert capsys.readouterr().err == ""
 

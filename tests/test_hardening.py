@@ -80,12 +80,12 @@ def test_cancelling_spoils_nothing_that_follows() -> None:
 
 def test_a_picture_can_be_taken_while_samples_are_added() -> None:
     result = render({**MATTE, "shapes": [BALL], "emitters": [{"type": "constant"}]})
-    adders = [threading.Thread(target=result.add, args=(4, 64)) for _ in range(2)]
+    adders = [threading.Thread(target=result.advance, args=(samples,)) for samples in (64, 128)]
     for adder in adders:
         adder.start()
     while any(adder.is_alive() for adder in adders):
         assert np.isfinite(result.image()).all()
-    assert result.samples == 4 + 2 * 64
+    assert result.samples == 128
 
 
 def test_a_folder_is_no_mesh(tmp_path: Path) -> None:

@@ -65,11 +65,11 @@ def loaded() -> lajolla.Scene:
         (
             lambda: lajolla.load("room.xml", qqq=3),
             "valid: strict, two_sided, parameters, spp, size, crop, seed, sampler, integrator, max_depth, "
-            "sensor, level$",
+            "sensor, hide_emitters, aovs, level$",
         ),
         (
             lambda: loaded().render(wrong=1, sppp=3),
-            r"Scene.render\(\) has no option 'wrong'; valid: spp, seed",
+            r"Scene.render\(\) has no option 'wrong'; valid: spp, seconds",
         ),
         (lambda: lajolla.load_dict(DICT, szie=(2, 2)), r"load_dict\(\) has no option 'szie'; .* 'size'"),
         (lambda: lajolla.load_dict(DICT, basepath="."), "did you mean 'base_path'"),

@@ -10,7 +10,10 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from lajolla import image
 
 QUICK = {"render": ["--size", "24x16", "--spp", "1"]}  # appended: the last of equal options counts
 MISTAKES = {'type="roughconductor"': 'type="roughconducter"', '<ref id="glass"/>': '<ref id="glas"/>'}
@@ -57,6 +60,21 @@ def test_commands_run(readme: str, clone: Path) -> None:
         outputs = [name for flag, name in itertools.pairwise(words) if flag in ("-o", "--diff")]
         assert all((clone / name).is_file() for name in outputs)
     assert (clone / "cornell-box.exr").is_file() and (clone / "cornell-box.png").is_file()
+
+
+@pytest.mark.parametrize("page", ["rendering", "outputs", "denoising"])
+def test_commands_of_docs_run(page: str, repository: Path, clone: Path) -> None:
+    """In the order shown, in small, with the Cornell box as scene.xml."""
+    (clone / "scene.xml").write_text((repository / "scenes" / "cornell-box.xml").read_text())
+    image.write(clone / "noisy.exr", np.ones((8, 8, 3)))
+    text = (repository / "docs" / f"{page}.md").read_text()
+    lines = [line for block in blocks(text, "sh") for line in block.splitlines()]
+    shown = [words[1:] for line in lines if (words := shlex.split(line, comments=True))[:1] == ["lajolla"]]
+    assert shown
+    for words in shown:
+        command = [sys.executable, "-m", "lajolla", *words, *QUICK.get(words[0], [])]
+        result = subprocess.run(command, cwd=clone, capture_output=True, text=True, check=False)
+        assert result.returncode == 0, f"{words}: {result.stderr}"
 
 
 def test_python_runs(readme: str, clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -118,6 +118,8 @@ Instance read_instance(const Dict &entry, std::size_t groups, const std::string 
     return instance;
 }
 
+constexpr std::int32_t most_light_groups = 256;
+
 // Models that have textures.
 template <class Variant>
 void read_textured(const Dict &description, const char *key, const std::vector<TextureModel> &textures,
@@ -194,10 +196,25 @@ void read_shapes(const Dict &description, SceneParts &parts) {
     });
 }
 
+void read_lights(const Dict &description, SceneParts &parts) {
+    for_each_entry(description, "emitters", [&](const Dict &entry, const std::string &where) {
+        auto light = variant_from<Light>(entry, where, {"lightgroup"});
+        check_textures(light, parts.textures.size(), where);
+        parts.lights.push_back(std::move(light));
+        std::int32_t group = 0;
+        const Value *const given = entry.find("lightgroup");
+        if (given) read_value(*given, group, where, ".", "lightgroup");
+        if (group < 0 || group > most_light_groups)
+            throw UnexpectedValue(where + ".lightgroup",
+                                  "a number from 0 to " + std::to_string(most_light_groups), *given);
+        parts.light_groups.push_back(group);
+    });
+}
+
 // All that has a place in the world.
 void read_places(const Dict &description, SceneParts &parts) {
-    parts.lights.clear(), parts.slots.clear();
-    read_textured(description, "emitters", parts.textures, parts.lights);
+    parts.lights.clear(), parts.light_groups.clear(), parts.slots.clear();
+    read_lights(description, parts);
     parts.media = read_media(description);
     read_shapes(description, parts);
     const Dict &sensor = read_dict(description, "sensor");
@@ -233,9 +250,20 @@ Output read_output(const Dict &description) {
         if (static_cast<std::size_t>(channel.source) > output.others.size())
             throw DescriptionError(where + ".source: there is no integrator " +
                                    std::to_string(channel.source));
+        if (channel.light_group >= 0 && channel.source != 0)
+            throw DescriptionError(where + ".light_group: only the picture has light groups");
         return channel;
     });
     return output;
+}
+
+void check_light_groups(const Output &output, const SceneParts &parts) {
+    std::int32_t last = 0;
+    for (const std::int32_t group : parts.light_groups) last = std::max(last, group);
+    for (const Channel &channel : output.channels)
+        if (channel.light_group > last)
+            throw DescriptionError("channels: no light is in the light group " +
+                                   std::to_string(channel.light_group));
 }
 
 } // namespace
@@ -250,11 +278,18 @@ std::shared_ptr<RenderableScene> build_scene(const Dict &description) {
     });
     result->output = read_output(description);
     SceneParts parts = read_parts(description);
+    check_light_groups(result->output, parts);
     try {
-        result->scene = std::make_unique<const Scene>(std::move(parts));
+        result->scene = std::make_shared<const Scene>(std::move(parts));
     } catch (const std::invalid_argument &error) {
         throw DescriptionError(error.what());
     }
+    return result;
+}
+
+std::shared_ptr<RenderableScene> with_output(const RenderableScene &scene, const Dict &description) {
+    auto result = std::make_shared<RenderableScene>(scene);
+    result->output = read_output(description);
     return result;
 }
 

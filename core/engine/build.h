@@ -12,6 +12,10 @@ struct RenderableScene; // renderable.h; few need to look inside
 // Throws DescriptionError.
 std::shared_ptr<RenderableScene> build_scene(const Dict &description);
 
+// The same scene with another output: the entries "integrator", "other_integrators" and "channels" of a
+// description. Throws DescriptionError.
+std::shared_ptr<RenderableScene> with_output(const RenderableScene &scene, const Dict &description);
+
 // Every model and its fields: {kind: {name: {"doc", "fields": [{"name", "type", "default", ...}, ...]}}}.
 Dict schema();
 

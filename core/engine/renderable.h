@@ -10,7 +10,7 @@
 namespace lajolla {
 
 struct RenderableScene {
-    std::unique_ptr<const Scene> scene;
+    std::shared_ptr<const Scene> scene; // other outputs may share it
     Output output;
     SequenceKind sequence;
     int sample_count;

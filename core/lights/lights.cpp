@@ -124,7 +124,8 @@ LightPicker::LightPicker(std::span<const Light> lights, std::span<const TextureM
         match(lights[i], [&](const auto &light) {
             powers.push_back(light.power(textures, scene));
             has_delta_lights_ |= IsDeltaLight<std::decay_t<decltype(light)>>;
-            if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) environments_.push_back(i);
+            if constexpr (IsEnvironment<std::decay_t<decltype(light)>>)
+                environments_.push_back(static_cast<std::int32_t>(i));
         });
     // A light whose power overflows must not prevent sampling of the others.
     float strongest = 0;
@@ -228,10 +229,10 @@ DirectSample<Float> LightPicker::sample_direct(const Vec3<Float> &p, Float u_pic
         sample = select(round, sample_sphere_light(light, p, u), sample);
     sample.radiance = light.radiance;
 
-    for (const std::uint32_t index : environments_) {
-        const auto picked = pick.index == static_cast<std::int32_t>(index);
+    for (const std::int32_t index : environments_) {
+        const auto picked = pick.index == index;
         if (any(picked))
-            match(lights_[index], [&](const auto &environment) {
+            match(lights_[static_cast<std::size_t>(index)], [&](const auto &environment) {
                 if constexpr (IsEnvironment<std::decay_t<decltype(environment)>>) {
                     auto direct = environment.sample_direct(p, u_primitive, u, textures_);
                     direct.pdf *= light.probability;
@@ -284,8 +285,8 @@ template <class Float>
 Float LightPicker::pdf_environment(const Vec3<Float> &wi) const {
     Float sum = 0;
     if (empty()) return sum;
-    for (const std::uint32_t index : environments_)
-        match(lights_[index], [&](const auto &light) {
+    for (const std::int32_t index : environments_)
+        match(lights_[static_cast<std::size_t>(index)], [&](const auto &light) {
             if constexpr (IsEnvironment<std::decay_t<decltype(light)>>)
                 sum += picks_.probability(index) * light.pdf_direction(wi);
         });
@@ -308,11 +309,21 @@ Rgb<Float> LightPicker::emitted(const Hit<Float> &hit, const Vec3<Float> &wo) co
 template <class Float>
 Rgb<Float> LightPicker::environment(const Vec3<Float> &direction) const {
     Rgb<Float> sum(0);
-    for (const std::uint32_t index : environments_)
-        match(lights_[index], [&](const auto &light) {
+    for (const std::int32_t index : environments_)
+        match(lights_[static_cast<std::size_t>(index)], [&](const auto &light) {
             if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) sum += light.emitted(direction);
         });
     return sum;
+}
+
+Spectrum LightPicker::share_of(std::int32_t environment_light, const Vec3f &direction) const {
+    const Spectrum all = environment(direction);
+    const Spectrum one = match(lights_[static_cast<std::size_t>(environment_light)], [&](const auto &light) {
+        if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) return Spectrum(light.emitted(direction));
+        else return Spectrum(0);
+    });
+    const auto ratio = [](float part, float sum) { return sum > 0 ? part / sum : 0; };
+    return {ratio(one.x, all.x), ratio(one.y, all.y), ratio(one.z, all.z)};
 }
 
 // --- both number types -------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 // The list of lights. All densities are per solid angle: a light is sampled from a point, and returns
 // the density of sampling a direction; integrators do not depend on the kind of light.
 
+#include <algorithm>
 #include <span>
 #include <variant>
 #include <vector>
@@ -81,6 +82,23 @@ public:
     // `u_pick` selects the light and a part of it; densities include the probability of this selection.
     template <class Float>
     DirectSample<Float> sample_direct(const Vec3<Float> &p, Float u_pick, const Vec2<Float> &u) const;
+    // The light that sample_direct() selects.
+    template <class Float>
+    IntOf<Float> picked(Float u_pick) const {
+        return picks_.sample(u_pick).index;
+    }
+    // The first environment light, -1 if there is none. It stands for all of them.
+    std::int32_t environment_light() const {
+        return environments_.empty() ? -1 : static_cast<std::int32_t>(environments_.front());
+    }
+    // Calls f(light, share) for the lights whose radiance is that of a light in a direction: environment
+    // lights are added up, and share it.
+    template <class F>
+    void for_each_share(std::int32_t light, const Vec3f &direction, F &&f) const {
+        if (environments_.size() < 2 || std::ranges::find(environments_, light) == environments_.end())
+            return f(light, Spectrum(1));
+        for (const std::int32_t index : environments_) f(index, share_of(index, direction));
+    }
     // Density of sampling a hit on a light, or a direction that leaves the scene, from p; 0 for hits on other
     // shapes.
     template <class Float>
@@ -94,6 +112,7 @@ public:
     Rgb<Float> environment(const Vec3<Float> &direction) const;
 
 private:
+    Spectrum share_of(std::int32_t environment, const Vec3f &direction) const;
     void add_record(const AreaLight &light, LightRecord<float> &record);
     template <class Float>
     DirectSample<Float> sample_primitive(const LightRecord<Float> &light, const Vec3<Float> &p,
@@ -101,7 +120,7 @@ private:
 
     std::span<const Light> lights_;
     std::span<const TextureModel> textures_;
-    std::vector<std::uint32_t> environments_;
+    std::vector<std::int32_t> environments_;
     bool has_delta_lights_ = false;
     Distribution picks_;
     std::vector<LightRecord<float>> records_; // one for each light

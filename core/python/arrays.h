@@ -5,9 +5,11 @@
 #include <nanobind/ndarray.h>
 
 #include <cstddef>
+#include <initializer_list>
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "base/frame.h"
 #include "base/vec.h"
@@ -21,6 +23,16 @@ template <std::size_t N>
 using Rows =
     nb::ndarray<const float, nb::shape<-1, static_cast<Py_ssize_t>(N)>, nb::c_contig, nb::device::cpu>;
 using Column = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+// An array for NumPy that owns its numbers.
+template <class T>
+nb::object array_of(std::vector<T> numbers, std::initializer_list<std::size_t> shape) {
+    auto owned = std::make_unique<std::vector<T>>(std::move(numbers));
+    T *const data = owned->data();
+    const nb::capsule owner(owned.release(),
+                            [](void *p) noexcept { delete static_cast<std::vector<T> *>(p); });
+    return nb::cast(nb::ndarray<nb::numpy, T>(data, shape, owner));
+}
 
 // An array for NumPy that is filled row by row.
 template <class T, std::size_t N>

@@ -11,6 +11,7 @@ void bind_meshes(nb::module_ &m);
 void bind_grids(nb::module_ &m);
 void bind_measurements(nb::module_ &m);
 void bind_scene(nb::module_ &m);
+void bind_object_ids(nb::module_ &m);
 void bind_render(nb::module_ &m);
 
 } // namespace lajolla

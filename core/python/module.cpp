@@ -18,5 +18,6 @@ NB_MODULE(_core, m) {
     lajolla::bind_grids(m);
     lajolla::bind_measurements(m);
     lajolla::bind_scene(m);
+    lajolla::bind_object_ids(m);
     lajolla::bind_render(m);
 }

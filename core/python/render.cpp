@@ -14,22 +14,13 @@
 
 #include "engine/accumulator.h"
 #include "engine/renderable.h"
+#include "python/arrays.h"
 
 namespace lajolla {
 
 namespace {
 
 using namespace nb::literals;
-
-// An array that owns its numbers.
-template <class T>
-nb::object array_of(std::vector<T> numbers, std::initializer_list<std::size_t> shape) {
-    auto owned = std::make_unique<std::vector<T>>(std::move(numbers));
-    T *const data = owned->data();
-    const nb::capsule owner(owned.release(),
-                            [](void *p) noexcept { delete static_cast<std::vector<T> *>(p); });
-    return nb::cast(nb::ndarray<nb::numpy, T>(data, shape, owner));
-}
 
 template <class T>
 using Array = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;

@@ -90,6 +90,14 @@ void bind_scene(nb::module_ &m) {
     nb::class_<RenderableScene>(m, "Scene", "A scene that can be rendered; it never changes.")
         .def(nb::new_(&make_scene), "description"_a,
              "Builds the scene that a description holds. Raises DescriptionError.")
+        .def(
+            "with_output",
+            [](const RenderableScene &self, const nb::dict &description) {
+                return with_dict(description, [&](const Dict &dict) { return with_output(self, dict); });
+            },
+            "description"_a,
+            "The same scene with another output, which costs nothing: the entries integrator, "
+            "other_integrators and channels of a description. Raises DescriptionError.")
         .def_prop_ro(
             "width", [](const RenderableScene &s) { return s.scene->film().crop_width; },
             "of the crop window")

@@ -250,10 +250,14 @@ AnySurface Scene::surface(const Choice &choice, const Hit<float> &hit, const Vec
     return result;
 }
 
-Spectrum Scene::albedo(const Hit<float> &hit, const Vec3f &wo, float u) const {
+std::optional<Spectrum> Scene::diffuse_colour(const Hit<float> &hit, const Vec3f &wo, float u) const {
     const std::int32_t id = choose(hit, wo, u).bsdf;
-    if (id < 0) return Spectrum(0);
-    if (const auto *colour = traits_of(id).diffuse_colour) return filtered_reader(hit, wo)(*colour);
+    const auto *colour = id < 0 ? nullptr : traits_of(id).diffuse_colour;
+    return colour ? std::optional(filtered_reader(hit, wo)(*colour)) : std::nullopt;
+}
+
+Spectrum Scene::albedo(const Hit<float> &hit, const Vec3f &wo, float u) const {
+    if (const auto colour = diffuse_colour(hit, wo, u)) return *colour;
     const AnySurface seen = surface(hit, wo, u);
     return seen.black ? Spectrum(0) : eval(seen.lobe, seen.wo, {0, 0, 1}).f_cos * pi;
 }
@@ -282,6 +286,12 @@ const Bitmap *Scene::first_bitmap(const Hit<float> &hit) const {
         for_each_field<std::decay_t<decltype(bsdf)>>([&](const auto &field) { look_at(bsdf.*field.member); });
     });
     return result;
+}
+
+std::size_t Scene::light_group_count() const {
+    std::int32_t last = 0;
+    for (const std::int32_t group : parts_.light_groups) last = std::max(last, group);
+    return static_cast<std::size_t>(last) + 1;
 }
 
 std::size_t Scene::bytes() const {

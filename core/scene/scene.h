@@ -33,6 +33,7 @@ struct SceneParts {
     std::vector<Adapter> adapters;
     std::vector<Material> materials;
     std::vector<Light> lights;
+    std::vector<std::int32_t> light_groups; // of each light, from 1; 0 for none
     std::vector<Shape> shapes;
     std::vector<ShapeSlot> slots; // one per shape
     std::vector<Group> groups;
@@ -69,6 +70,11 @@ public:
 
     const Accel &accel() const { return *accel_; }
     const LightPicker &lights() const { return picker_; }
+    // The light group of a light; 0 for lights without one, and for -1, the emission of media.
+    std::int32_t light_group(std::int32_t light) const {
+        return light < 0 ? 0 : parts_.light_groups[static_cast<std::size_t>(light)];
+    }
+    std::size_t light_group_count() const; // with 0
     const Media &media() const { return parts_.media; }
     std::int32_t camera_medium() const { return parts_.camera_medium; }
     const Film &film() const { return parts_.film; }
@@ -107,8 +113,10 @@ public:
                                  });
     }
 
-    // The diffuse colour at a hit: a parameter of materials that have one; of others pi times their value
-    // between `wo` and the normal, which is that of a diffuse surface as bright. Of a blend as surface().
+    // The diffuse colour at a hit, if it is a parameter of the material. Of a blend as surface().
+    std::optional<Spectrum> diffuse_colour(const Hit<float> &hit, const Vec3f &wo, float u) const;
+    // The same; of other materials pi times their value between `wo` and the normal, which is that of a
+    // diffuse surface as bright.
     Spectrum albedo(const Hit<float> &hit, const Vec3f &wo, float u) const;
     // The shading normal as the material's maps turn it.
     Vec3f mapped_normal(const Hit<float> &hit, const Vec3f &wo, float u) const;

@@ -29,7 +29,9 @@ float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sam
 } // namespace
 
 std::span<const float> ChannelRecorder::record(const Scene &scene, const Sampler &sampler,
-                                               PrimaryRay &primary, const Spectrum &picture, Tracer &tracer) {
+                                               PrimaryRay &primary, const Spectrum &picture,
+                                               std::span<const Spectrum> groups, float weight,
+                                               Tracer &tracer) {
     colours_[0] = picture;
     for (std::size_t i = 0; i < output_.others.size(); ++i)
         colours_[i + 1] = match(output_.others[i], [&](const auto &model) {
@@ -39,8 +41,8 @@ std::span<const float> ChannelRecorder::record(const Scene &scene, const Sampler
         const Channel &channel = output_.channels[i];
         const float value = channel.recorded == Recorded::alpha
                                 ? alpha(scene, integrator(channel), sampler, primary, tracer)
-                                : colour_value(channel);
-        values_[i] = channel.squared ? sqr(value) : value;
+                                : colour_value(channel, groups);
+        values_[i] = !channel.squared ? value : sqr(value) * (channel.weighted ? weight : 1);
     }
     return values_;
 }
@@ -50,9 +52,10 @@ const Integrator &ChannelRecorder::integrator(const Channel &channel) const {
                                : output_.others[static_cast<std::size_t>(channel.source) - 1];
 }
 
-float ChannelRecorder::colour_value(const Channel &channel) const {
+float ChannelRecorder::colour_value(const Channel &channel, std::span<const Spectrum> groups) const {
     if (channel.recorded == Recorded::one) return 1;
-    const Spectrum rgb = colours_[static_cast<std::size_t>(channel.source)];
+    const Spectrum rgb = channel.light_group < 0 ? colours_[static_cast<std::size_t>(channel.source)]
+                                                 : groups[static_cast<std::size_t>(channel.light_group)];
     const Spectrum c = channel.recorded == Recorded::xyz ? to_xyz(rgb) : rgb;
     return channel.component == 0 ? c.x : channel.component == 1 ? c.y : c.z;
 }

@@ -33,7 +33,8 @@ struct Direct {
                                               : Strategy::mis;
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const;
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary,
+                      const LightGroups &groups = {}) const;
 
 private:
     // n samples of a strategy are weighted as if its density were n times as high (Veach 1997, section
@@ -46,9 +47,10 @@ private:
     void follow(const Scene &scene, Tracer &tracer, std::optional<RayHit> found, Path::Walk<Vacuum> &walk,
                 F &&scatter_at) const;
     Spectrum scattered_at(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                          const PathState<float> &path, const Hit<float> &hit) const;
+                          const PathState<float> &path, const Hit<float> &hit,
+                          const LightGroups &groups) const;
     Spectrum sample_bsdf(const Scene &scene, Tracer &tracer, const Hit<float> &hit, const AnySurface &surface,
-                         const BounceSample<float> &u) const;
+                         const BounceSample<float> &u, const LightGroups &groups) const;
 
     Path path_; // for its estimators
 };
@@ -66,10 +68,11 @@ void Direct::follow(const Scene &scene, Tracer &tracer, std::optional<RayHit> fo
 }
 
 inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hit<float> &hit,
-                                    const AnySurface &surface, const BounceSample<float> &u) const {
+                                    const AnySurface &surface, const BounceSample<float> &u,
+                                    const LightGroups &groups) const {
     const BsdfSample<float> sample = surface.sample(u.lobe, u.bsdf_uv);
     if (!sample.valid) return Spectrum(0);
-    Path::Walk<Vacuum> walk;
+    Path::Walk<Vacuum> walk{{}, {}, Spectrum(0), groups};
     Path::scatter(scene, hit, sample, surface.delta, walk.path);
     walk.path.pdf *= directions_per_light();
     walk.path.u_event = u.event;
@@ -78,28 +81,34 @@ inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hi
 }
 
 inline Spectrum Direct::scattered_at(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                                     const PathState<float> &path, const Hit<float> &hit) const {
+                                     const PathState<float> &path, const Hit<float> &hit,
+                                     const LightGroups &groups) const {
     const Vec3f wo = -path.ray.direction;
     const AnySurface chosen = scene.surface(hit, wo, path.u_event);
     const auto number = [&](int i) { return sampler.bounce(static_cast<std::uint32_t>(i)); };
+    const float light_share = 1 / static_cast<float>(std::max(emitter_samples, 1)),
+                direction_share = 1 / static_cast<float>(std::max(bsdf_samples, 1));
     Spectrum lights{0}, directions{0};
     scene.for_each_surface(hit, wo, chosen, [&](const AnySurface &surface, float share) {
         if (surface.black || surface.delta) return;
         for (int i = 1; i <= emitter_samples; ++i)
             lights += share * path_.direct_light(scene, tracer, SurfaceVertex{hit, surface}, number(i),
-                                                 Vacuum(), directions_per_light());
+                                                 Vacuum(), groups.times(Spectrum(share * light_share)),
+                                                 directions_per_light());
     });
     for (int i = 1; i <= bsdf_samples && !chosen.black; ++i)
-        directions += sample_bsdf(scene, tracer, hit, chosen, number(i));
-    return lights / static_cast<float>(std::max(emitter_samples, 1)) +
-           directions / static_cast<float>(std::max(bsdf_samples, 1));
+        directions +=
+            sample_bsdf(scene, tracer, hit, chosen, number(i), groups.times(Spectrum(direction_share)));
+    return lights * light_share + directions * direction_share;
 }
 
 inline Spectrum Direct::radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                                 PrimaryRay &primary) const {
-    Path::Walk<Vacuum> walk{Path::start(primary.camera()), Vacuum()};
+                                 PrimaryRay &primary, const LightGroups &groups) const {
+    Path::Walk<Vacuum> walk{Path::start(primary.camera()), Vacuum(), Spectrum(0), groups};
     follow(scene, tracer, primary.found(), walk, [&](const Hit<float> &hit) {
-        walk.radiance += walk.path.throughput * scattered_at(scene, tracer, sampler, walk.path, hit);
+        const Spectrum &throughput = walk.path.throughput;
+        walk.radiance +=
+            throughput * scattered_at(scene, tracer, sampler, walk.path, hit, walk.groups.times(throughput));
     });
     return walk.radiance;
 }

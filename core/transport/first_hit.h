@@ -5,6 +5,7 @@
 
 #include "base/sampler.h"
 #include "scene/scene.h"
+#include "transport/coverage.h"
 #include "transport/primary_ray.h"
 
 namespace lajolla {
@@ -40,6 +41,7 @@ struct FirstHit {
     Quantity quantity = Quantity::depth;
     Spectrum undefined{0};
     int first_shape = 1;
+    bool see_through = false, through_lights = false;
 
     static constexpr auto fields() {
         return std::tuple(
@@ -47,16 +49,28 @@ struct FirstHit {
                   "ray_cone is the radius and the spread of the ray cone, duv_dx the change of uv from one "
                   "pixel to the next on the right"),
             field("undefined", &FirstHit::undefined, "the value if there is no hit"),
-            field("first_shape", &FirstHit::first_shape, "the shape_index of the first shape").range(0));
+            field("first_shape", &FirstHit::first_shape, "the shape_index of the first shape").range(0),
+            field("see_through", &FirstHit::see_through,
+                  "looks through surfaces that the camera ray passes straight through, as alpha does"),
+            field("through_lights", &FirstHit::through_lights, "with see_through: looks through lights too"));
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &, const Sampler &, PrimaryRay &primary) const {
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &, PrimaryRay &primary) const {
+        const CameraRay<float> &camera = primary.camera();
+        if (see_through && (through_lights || scene.has_null_transmission())) {
+            const auto &seen = primary.seen(through_lights, [&] {
+                return look(scene, tracer, camera, primary.found(), through_lights, Vacuum(), HitNeeds{})
+                    .surface;
+            });
+            return seen ? value(scene, camera, seen->hit, seen->u_event) : undefined;
+        }
         const auto &hit = primary.hit();
-        return hit ? value(scene, primary.camera(), *hit) : undefined;
+        return hit ? value(scene, camera, *hit, camera.u_event) : undefined;
     }
 
 private:
-    Spectrum value(const Scene &scene, const CameraRay<float> &camera, const Hit<float> &hit) const;
+    // The random number u selects a leaf of a blend.
+    Spectrum value(const Scene &scene, const CameraRay<float> &camera, const Hit<float> &hit, float u) const;
 };
 
 namespace detail {
@@ -76,8 +90,8 @@ inline Vec2f uv_difference(const Hit<float> &hit, const Ray<float> &other) {
 
 } // namespace detail
 
-inline Spectrum FirstHit::value(const Scene &scene, const CameraRay<float> &camera,
-                                const Hit<float> &hit) const {
+inline Spectrum FirstHit::value(const Scene &scene, const CameraRay<float> &camera, const Hit<float> &hit,
+                                float u) const {
     const auto pair = [](Vec2f v) { return Spectrum(v.x, v.y, 0); };
     const auto difference = [&](Vec2f step) {
         const Film &film = scene.film();
@@ -86,13 +100,12 @@ inline Spectrum FirstHit::value(const Scene &scene, const CameraRay<float> &came
         return pair(detail::uv_difference(hit, scene.camera_ray(neighbour, camera.lens).ray));
     };
     switch (quantity) {
-    case Quantity::albedo: return scene.albedo(hit, -camera.ray.direction, camera.u_event);
+    case Quantity::albedo: return scene.albedo(hit, -camera.ray.direction, u);
     case Quantity::depth: return Spectrum(hit.distance);
     case Quantity::position: return Spectrum(scene.in_world(hit.position));
     case Quantity::uv: return pair(hit.uv);
     case Quantity::geo_normal: return Spectrum(hit.normal);
-    case Quantity::sh_normal:
-        return Spectrum(scene.mapped_normal(hit, -camera.ray.direction, camera.u_event));
+    case Quantity::sh_normal: return Spectrum(scene.mapped_normal(hit, -camera.ray.direction, u));
     case Quantity::dp_du: return Spectrum(hit.dp_du);
     case Quantity::dp_dv: return Spectrum(hit.dp_dv);
     case Quantity::duv_dx: return difference({1, 0});

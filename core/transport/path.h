@@ -18,6 +18,7 @@
 #include "base/fields.h"
 #include "base/sampler.h"
 #include "scene/scene.h"
+#include "transport/light_groups.h"
 #include "transport/media.h"
 #include "transport/primary_ray.h"
 #include "transport/vertex.h"
@@ -71,8 +72,9 @@ struct Path {
             field("strategy", &Path::strategy, "sample lights, BSDFs, or both weighted by their densities"));
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const {
-        return trace<Vacuum>(scene, tracer, sampler, primary);
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary,
+                      const LightGroups &groups = {}) const {
+        return trace<Vacuum>(scene, tracer, sampler, primary, groups);
     }
     // Whether radiance() ignores media.
     bool is_vacuum(const Scene &) const { return true; }
@@ -178,11 +180,21 @@ struct Path {
         PathState<float> path;
         Medium medium;
         Spectrum radiance{0};
+        LightGroups groups{};
+
+        // Adds light that is emitted by a light, or by a medium (-1), towards the path.
+        void add(std::int32_t light, const Spectrum &value) {
+            radiance += value;
+            groups.add(light, path.ray.direction, value);
+        }
     };
     // Follows a path along its ray to its hit, and continues it; returns false if it ends.
     template <class Medium>
     bool step(const Scene &scene, Tracer &tracer, const Sampler &sampler, const std::optional<RayHit> &found,
               Walk<Medium> &walk) const;
+
+    // Follows the ray through its medium to the hit, or to a collision before it.
+    static Flight cross_medium(const Scene &scene, const std::optional<RayHit> &found, Walk<InMedia> &walk);
 
     // Processes the surface that a path hit, and adds its emission.
     enum class Outcome { passed, stopped, ended };
@@ -192,11 +204,12 @@ struct Path {
     template <class Medium>
     void leave_scene(const Scene &scene, Walk<Medium> &walk) const;
 
-    // The scattered radiance of a light sample at a vertex. For each light sample there are `directions`
-    // samples of the BSDF.
+    // The scattered radiance of a light sample at a vertex; it is added to `groups` too. For each light
+    // sample there are `directions` samples of the BSDF.
     template <class Vertex, class Medium>
     Spectrum direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex,
-                          const BounceSample<float> &u, const Medium &medium, float directions = 1) const;
+                          const BounceSample<float> &u, const Medium &medium, const LightGroups &groups,
+                          float directions = 1) const;
 
 protected:
     // Settings for the lower versions of `volpath`.
@@ -204,7 +217,8 @@ protected:
 
     // The radiance along a camera ray.
     template <class Medium>
-    Spectrum trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const;
+    Spectrum trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary,
+                   const LightGroups &groups) const;
 
 private:
     // The MIS weight of hitting a light that light sampling samples with density `light_pdf`.
@@ -214,8 +228,6 @@ private:
     template <class Float>
     Float weight_of_light(const DirectSample<Float> &light, Float path_pdf) const;
 
-    // Follows the ray through its medium to the hit, or to a collision before it.
-    Flight cross_medium(const Scene &scene, const std::optional<RayHit> &found, Walk<InMedia> &walk) const;
     void scatter_in_medium(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                            const BounceSample<float> &u, const Vec3f &collision, Walk<InMedia> &walk) const;
     // Scatters the path at a surface; returns false if it ends.
@@ -251,7 +263,8 @@ Float Path::weight_of_light(const DirectSample<Float> &light, Float path_pdf) co
 
 template <class Vertex, class Medium>
 Spectrum Path::direct_light(const Scene &scene, Tracer &tracer, const Vertex &vertex,
-                            const BounceSample<float> &u, const Medium &medium, float directions) const {
+                            const BounceSample<float> &u, const Medium &medium, const LightGroups &groups,
+                            float directions) const {
     if (scene.lights().empty()) return Spectrum(0);
     const DirectSample<float> light = scene.lights().sample_direct(vertex.position(), u.light, u.light_uv);
     if (!counts(light)) return Spectrum(0);
@@ -259,7 +272,9 @@ Spectrum Path::direct_light(const Scene &scene, Tracer &tracer, const Vertex &ve
     if (is_black(f.f_cos)) return Spectrum(0);
     const auto arriving = transmittance(scene, tracer, vertex, light, medium);
     if (!arriving) return Spectrum(0);
-    return direct(light, f, directions * medium.path_pdf(*arriving)) * arriving->value();
+    const Spectrum result = direct(light, f, directions * medium.path_pdf(*arriving)) * arriving->value();
+    groups.add_picked(u.light, light.wi, result);
+    return result;
 }
 
 template <class Medium>
@@ -271,10 +286,10 @@ bool Path::goes_on(const Sampler &sampler, const BounceSample<float> &u, float h
 }
 
 inline Flight Path::cross_medium(const Scene &scene, const std::optional<RayHit> &found,
-                                 Walk<InMedia> &walk) const {
+                                 Walk<InMedia> &walk) {
     PathState<float> &path = walk.path;
     Flight flight = walk.medium.fly(scene, path.ray, found, path.u_event);
-    walk.radiance += path.throughput * flight.emitted;
+    walk.add(-1, path.throughput * flight.emitted);
     path.throughput *= flight.weight;
     path.pdf *= flight.pdf;
     if (flight.surface) flight.surface->footprint = path.cone;
@@ -287,10 +302,10 @@ inline void Path::scatter_in_medium(const Scene &scene, Tracer &tracer, const Sa
     PathState<float> &path = walk.path;
     const MediumVertex vertex{collision, -path.ray.direction,
                               scene.media().phase(walk.medium.current, collision)};
-    walk.radiance +=
-        path.throughput *
-        direct_light(scene, tracer, vertex, u,
-                     walk.medium.for_shadow_ray(sampler, static_cast<std::uint32_t>(path.block)));
+    walk.radiance += path.throughput *
+                     direct_light(scene, tracer, vertex, u,
+                                  walk.medium.for_shadow_ray(sampler, static_cast<std::uint32_t>(path.block)),
+                                  walk.groups.times(path.throughput));
     const PhaseSample scattered = vertex.phase.sample(vertex.wo, u.lobe, u.bsdf_uv);
     path.cone = path.cone.at(length(vertex.point - path.ray.origin)).scattered(0, 1, 1);
     path.from = vertex.point;
@@ -312,7 +327,8 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
             walk.radiance +=
                 path.throughput * share *
                 direct_light(scene, tracer, SurfaceVertex{hit, each}, u,
-                             walk.medium.for_shadow_ray(sampler, static_cast<std::uint32_t>(path.block)));
+                             walk.medium.for_shadow_ray(sampler, static_cast<std::uint32_t>(path.block)),
+                             walk.groups.times(path.throughput * share));
     });
     if (surface.black) return false;
 
@@ -327,7 +343,7 @@ template <class Medium>
 Path::Outcome Path::meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const {
     PathState<float> &path = walk.path;
     const bool hidden = hide_emitters && path.depth == 1 && hit.emitter >= 0;
-    if (hit.emitter >= 0 && !hidden) walk.radiance += path.throughput * emitted(scene, path, hit);
+    if (hit.emitter >= 0 && !hidden) walk.add(hit.emitter, path.throughput * emitted(scene, path, hit));
     if (!passes_through(scene, hit, hidden, path, walk.medium)) return Outcome::stopped;
     return path.null_transmissions > max_null_transmissions ? Outcome::ended : Outcome::passed;
 }
@@ -335,7 +351,7 @@ Path::Outcome Path::meet(const Scene &scene, const Hit<float> &hit, Walk<Medium>
 template <class Medium>
 void Path::leave_scene(const Scene &scene, Walk<Medium> &walk) const {
     if (scene.lights().has_environment() && (walk.path.depth > 1 || !hide_emitters))
-        walk.radiance += walk.path.throughput * environment(scene, walk.path);
+        walk.add(scene.lights().environment_light(), walk.path.throughput * environment(scene, walk.path));
 }
 
 template <class Medium>
@@ -371,10 +387,11 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
 }
 
 template <class Medium>
-Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const {
+Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary,
+                     const LightGroups &groups) const {
     if (max_depth == 0) return Spectrum(0);
     const CameraRay<float> &camera = primary.camera();
-    Walk<Medium> walk{start(camera), Medium(scene, camera, sampler, media_scatter)};
+    Walk<Medium> walk{start(camera), Medium(scene, camera, sampler, media_scatter), Spectrum(0), groups};
     auto found = primary.found();
     while (step(scene, tracer, sampler, found, walk)) found = tracer.closest(walk.path.ray);
     return walk.radiance;

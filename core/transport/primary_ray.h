@@ -1,6 +1,7 @@
 #pragma once
 // The position of a sample on the film, its camera ray, and the first hit of the ray.
 
+#include <array>
 #include <optional>
 
 #include "base/sampler.h"
@@ -34,6 +35,13 @@ FilmSample<Float> sample_film(const Scene &scene, const CameraSample<Float> &u, 
     return result;
 }
 
+// The surface that a camera ray ends at.
+struct SeenSurface {
+    RayHit found;   // its ids
+    Hit<float> hit; // `distance` is measured from the camera
+    float u_event;  // the random number that is left for selecting a leaf of a blend
+};
+
 // A camera ray and its first hit, which is computed on first use and shared by all channels of a sample.
 // Keeps a reference to the ray.
 class PrimaryRay {
@@ -53,6 +61,14 @@ public:
         return hit_;
     }
 
+    // The surface that it ends at, found by `find` on first use.
+    template <class F>
+    const std::optional<SeenSurface> &seen(bool through_lights, F &&find) {
+        auto &known = seen_[through_lights];
+        if (!known) known.emplace(find());
+        return *known;
+    }
+
 private:
     const Scene &scene_;
     Tracer &tracer_;
@@ -60,6 +76,7 @@ private:
     bool traced_ = false;
     std::optional<RayHit> found_;
     std::optional<Hit<float>> hit_;
+    std::array<std::optional<std::optional<SeenSurface>>, 2> seen_; // not through lights, and through them
 };
 
 } // namespace lajolla

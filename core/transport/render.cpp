@@ -4,48 +4,13 @@
 #include <chrono>
 
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/global_control.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
-#if defined(__SSE__)
-#include <immintrin.h>
-#endif
-
+#include "transport/tiles.h"
 #include "transport/wavefront.h"
 
 namespace lajolla {
 
 namespace {
-
-// Denormal numbers cost hundreds of cycles and no picture shows them.
-class FlushToZero {
-public:
-#if defined(__SSE__)
-    FlushToZero() : saved_(_mm_getcsr()) { _mm_setcsr(saved_ | 0x8040); } // flush-to-zero, denormals-are-zero
-    ~FlushToZero() { _mm_setcsr(saved_); }
-    FlushToZero(const FlushToZero &) = delete;
-    FlushToZero &operator=(const FlushToZero &) = delete;
-
-private:
-    unsigned saved_;
-#endif
-};
-
-// Calls f(tile index, tile) for all tiles on the given number of threads.
-template <class F>
-void for_each_tile(const std::vector<Tile> &tiles, int threads, F &&f) {
-    const auto run = [&] {
-        tbb::parallel_for(std::size_t(0), tiles.size(), [&](std::size_t i) {
-            const FlushToZero guard;
-            f(i, tiles[i]);
-        });
-    };
-    if (threads <= 0) return run();
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                    static_cast<std::size_t>(threads));
-    tbb::task_arena(threads).execute(run);
-}
 
 FilmSample<float> film_sample(const Scene &scene, const Sampler &sampler, const SampleId &id) {
     return sample_film(scene, sampler.camera(), static_cast<float>(id.x), static_cast<float>(id.y));
@@ -65,10 +30,11 @@ public:
 
     const Sums &sums() const { return sums_; }
 
-    // `value` is what the picture's integrator found; the channels beside it are recorded here.
+    // `value` is what the picture's integrator found, and `groups` the same by light groups; the channels
+    // beside it are recorded here.
     void add(const SampleId &id, const Sampler &sampler, PrimaryRay &primary, const Spectrum &value,
-             float weight) {
-        add(id, value, weight, recorder_.record(scene_, sampler, primary, value, tracer_));
+             std::span<const Spectrum> groups, float weight) {
+        add(id, value, weight, recorder_.record(scene_, sampler, primary, value, groups, weight, tracer_));
     }
     void add(const SampleId &id, const Spectrum &value, float weight, std::span<const float> rest = {}) {
         if (!is_finite(value) || !std::ranges::all_of(rest, [](float v) { return std::isfinite(v); }))
@@ -125,17 +91,31 @@ private:
     std::uint64_t left_;
 };
 
+// For the radiance of one sample by light groups; empty if no channel needs it.
+std::vector<Spectrum> group_sums(const Scene &scene, const Output &output) {
+    return std::vector<Spectrum>(output.has_light_groups() ? scene.light_group_count() : 0);
+}
+
 // Depth first, one path after the other. Stops where the job is cancelled.
 template <class Model>
-void render_one_by_one(const Scene &scene, const Model &integrator, TileSamples &samples, const Job &job,
-                       Progress &progress, Tracer &tracer, TileAccumulator &sums) {
+void render_one_by_one(const Scene &scene, const Model &integrator, const Output &output,
+                       TileSamples &samples, const Job &job, Progress &progress, Tracer &tracer,
+                       TileAccumulator &sums) {
+    std::vector<Spectrum> groups = group_sums(scene, output);
     while (samples.left() > 0) {
         if (progress.cancelled.load(std::memory_order_relaxed)) return;
         const SampleId id = samples.take();
         const Sampler sampler(job.sequence, job.seed, id.x, id.y, id.index);
         const auto [camera, weight] = film_sample(scene, sampler, id);
         PrimaryRay primary(scene, tracer, camera);
-        sums.add(id, sampler, primary, integrator.radiance(scene, tracer, sampler, primary), weight);
+        std::ranges::fill(groups, Spectrum(0));
+        const LightGroups by_group(scene, groups);
+        const auto radiance = [&] {
+            if constexpr (requires { integrator.radiance(scene, tracer, sampler, primary, by_group); })
+                return integrator.radiance(scene, tracer, sampler, primary, by_group);
+            else return integrator.radiance(scene, tracer, sampler, primary);
+        };
+        sums.add(id, sampler, primary, radiance(), groups, weight);
         progress.samples.fetch_add(1, std::memory_order_relaxed);
     }
 }
@@ -146,12 +126,15 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
     std::array<SampleId, Wavefront::capacity> ids;
     std::array<Spectrum, Wavefront::capacity> radiance;
     std::array<float, Wavefront::capacity> weights;
+    const std::size_t group_count = group_sums(scene, output).size();
+    std::vector<Spectrum> groups(group_count * Wavefront::capacity);
     while (samples.left() > 0) {
         if (progress.cancelled.load(std::memory_order_relaxed)) return;
         const auto count =
             static_cast<std::size_t>(std::min<std::uint64_t>(samples.left(), Wavefront::capacity));
         for (std::size_t i = 0; i < count; ++i) ids[i] = samples.take();
-        wavefront.render(std::span(ids).first(count), job.sequence, job.seed, tracer, radiance, weights);
+        wavefront.render(std::span(ids).first(count), job.sequence, job.seed, tracer, radiance, weights,
+                         groups);
         for (std::size_t i = 0; i < count; ++i) {
             if (output.channels.empty()) {
                 sums.add(ids[i], radiance[i], weights[i]);
@@ -160,7 +143,8 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
             const Sampler sampler(job.sequence, job.seed, ids[i].x, ids[i].y, ids[i].index);
             const CameraRay<float> camera = film_sample(scene, sampler, ids[i]).camera;
             PrimaryRay primary(scene, tracer, camera);
-            sums.add(ids[i], sampler, primary, radiance[i], weights[i]);
+            sums.add(ids[i], sampler, primary, radiance[i],
+                     std::span(groups).subspan(group_count * i, group_count), weights[i]);
         }
         progress.samples.fetch_add(count, std::memory_order_relaxed);
     }
@@ -197,7 +181,7 @@ std::vector<Report> render_tiles(const Scene &scene, const Output &output, const
                 });
             }
         for_each([&](TileSamples &samples, Tracer &tracer, TileAccumulator &accumulator) {
-            render_one_by_one(scene, model, samples, job, progress, tracer, accumulator);
+            render_one_by_one(scene, model, output, samples, job, progress, tracer, accumulator);
         });
     });
     return reports;
@@ -217,12 +201,14 @@ Report merged(const std::vector<Report> &reports) {
 
 } // namespace
 
-std::vector<Tile> tiles_of(const Film &film) {
+std::vector<Tile> tiles_of(const Film &film) { return tiles_of(film, 0, film.crop_height); }
+
+std::vector<Tile> tiles_of(const Film &film, int first_row, int end_row) {
     std::vector<Tile> tiles;
-    for (int y = 0; y < film.crop_height; y += tile_size)
+    for (int y = first_row; y < end_row; y += tile_size)
         for (int x = 0; x < film.crop_width; x += tile_size)
             tiles.push_back(
-                {x, y, std::min(x + tile_size, film.crop_width), std::min(y + tile_size, film.crop_height)});
+                {x, y, std::min(x + tile_size, film.crop_width), std::min(y + tile_size, end_row)});
     return tiles;
 }
 

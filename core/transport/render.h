@@ -21,6 +21,7 @@ struct Tile {
     int x0, y0, x1, y1; // within the crop window
 };
 std::vector<Tile> tiles_of(const Film &film);
+std::vector<Tile> tiles_of(const Film &film, int first_row, int end_row);
 
 // A value for each half of all cells of the crop window.
 template <class T>

@@ -28,9 +28,10 @@ struct VolPath : Path {
         if (version == 3) strategy = Strategy::bsdf;
     }
 
-    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary) const {
-        if (is_vacuum(scene)) return trace<Vacuum>(scene, tracer, sampler, primary);
-        return trace<InMedia>(scene, tracer, sampler, primary);
+    Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary,
+                      const LightGroups &groups = {}) const {
+        if (is_vacuum(scene)) return trace<Vacuum>(scene, tracer, sampler, primary, groups);
+        return trace<InMedia>(scene, tracer, sampler, primary, groups);
     }
     // The media that a camera ray starts in.
     InMedia medium(const Scene &scene, const CameraRay<float> &camera, const Sampler &sampler) const {

@@ -18,11 +18,11 @@ bool is_wide_model(const Bsdf &bsdf) {
 } // namespace
 
 Wavefront::Wavefront(const Scene &scene, const Path &integrator)
-    : scene_(scene), integrator_(integrator), group_sizes_(scene.parts().materials.size() + 3),
-      samplers_(capacity), paths_(capacity + lanes), next_(capacity + lanes), hits_(capacity + lanes),
-      shapes_(capacity + lanes), instances_(capacity + lanes),
-      shadow_rays_(Materials::most_lit_leaves * capacity + lanes), order_(capacity + lanes),
-      group_of_path_(capacity + lanes) {
+    : scene_(scene), integrator_(integrator), light_group_count_(scene.light_group_count()),
+      group_sizes_(scene.parts().materials.size() + 3), samplers_(capacity), paths_(capacity + lanes),
+      next_(capacity + lanes), hits_(capacity + lanes), shapes_(capacity + lanes),
+      instances_(capacity + lanes), shadow_rays_(Materials::most_lit_leaves * capacity + lanes),
+      order_(capacity + lanes), group_of_path_(capacity + lanes) {
     const auto is_wide = [&](MaterialId root) {
         bool wide = true;
         scene.materials().for_each_bsdf(root, [&](std::int32_t bsdf) {
@@ -46,8 +46,11 @@ Wavefront::Wavefront(const Scene &scene, const Path &integrator)
 }
 
 void Wavefront::render(std::span<const SampleId> ids, SequenceKind sequence, std::uint32_t seed,
-                       Tracer &tracer, std::span<Spectrum> radiance, std::span<float> weights) {
+                       Tracer &tracer, std::span<Spectrum> radiance, std::span<float> weights,
+                       std::span<Spectrum> groups) {
     radiance_ = radiance;
+    group_light_ = groups;
+    std::ranges::fill(group_light_, Spectrum(0));
     for (std::size_t i = 0; i < ids.size(); ++i) {
         samplers_[i] = Sampler(sequence, seed, ids[i].x, ids[i].y, ids[i].index);
         radiance[i] = Spectrum(0);
@@ -156,8 +159,8 @@ void Wavefront::append(const PathState<WideFloat> &path, const Packet &packet, W
               as_float(lajolla::load(packet.samples))});
 }
 
-void Wavefront::append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, const Packet &packet,
-                       WideBool active) {
+void Wavefront::append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, WideInt light,
+                       const Packet &packet, WideBool active) {
     StoredShadowRay unused;
     StoredShadowRay *to[lanes];
     const unsigned kept = bits(active);
@@ -165,14 +168,28 @@ void Wavefront::append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, c
     store_rows(quad(ray.origin, ray.far), [&](int k) { return row(to[k], 0); });
     store_rows(quad(ray.direction, as_float(lajolla::load(packet.samples))),
                [&](int k) { return row(to[k], 1); });
-    store_rows(quad(Vec3<WideFloat>(value), 0), [&](int k) { return row(to[k], 2); });
+    store_rows(quad(Vec3<WideFloat>(value), as_float(light)), [&](int k) { return row(to[k], 2); });
 }
 
-void Wavefront::add(const Rgb<WideFloat> &value, const Packet &packet, WideBool active) {
+template <class F>
+void Wavefront::add(const Rgb<WideFloat> &value, const Packet &packet, WideBool active,
+                    const Vec3<WideFloat> &direction, F &&light) {
     for_each_lane(active, [&](int k) {
         radiance_[static_cast<std::size_t>(packet.samples[k])] +=
             Spectrum(value.x[k], value.y[k], value.z[k]);
     });
+    if (group_light_.empty()) [[likely]]
+        return;
+    const WideInt lights = light();
+    for_each_lane(active, [&](int k) {
+        light_groups(packet.samples[k]).add(lights[k], lane_of(direction, k), lane_of(value, k));
+    });
+}
+
+LightGroups Wavefront::light_groups(std::int32_t sample) const {
+    if (group_light_.empty()) return {};
+    return {scene_,
+            group_light_.subspan(static_cast<std::size_t>(sample) * light_group_count_, light_group_count_)};
 }
 
 // --- the steps
@@ -279,8 +296,11 @@ void Wavefront::trace_shadow_rays(Tracer &tracer) {
             tracer.occluded({vector_of(origin), vector_of(direction), 0, origin.w}, active);
         for_each_lane(active && !occluded, [&](int k) {
             const StoredShadowRay &ray = shadow_rays_[i + static_cast<std::size_t>(k)];
-            radiance_[static_cast<std::size_t>(ray.sample)] +=
-                Spectrum(ray.value[0], ray.value[1], ray.value[2]);
+            const Spectrum value(ray.value[0], ray.value[1], ray.value[2]);
+            radiance_[static_cast<std::size_t>(ray.sample)] += value;
+            if (!group_light_.empty()) [[unlikely]]
+                light_groups(ray.sample)
+                    .add(ray.light, {ray.direction[0], ray.direction[1], ray.direction[2]}, value);
         });
     }
 }
@@ -292,7 +312,8 @@ void Wavefront::gather_environment(std::span<const std::int32_t> paths) {
     for_each_packet(paths, [&](const Packet &packet) {
         const auto path = load(packet);
         const WideBool shown = path.depth > 1 || WideBool(!integrator_.hide_emitters);
-        add(path.throughput * integrator_.environment(scene_, path), packet, packet.active && shown);
+        add(path.throughput * integrator_.environment(scene_, path), packet, packet.active && shown,
+            path.ray.direction, [&] { return WideInt(scene_.lights().environment_light()); });
     });
 }
 
@@ -301,7 +322,8 @@ void Wavefront::follow_one_by_one(std::span<const std::int32_t> paths, Tracer &t
     for (const std::int32_t index : paths) {
         const auto i = static_cast<std::size_t>(index);
         const auto sample = static_cast<std::size_t>(sample_of(index));
-        Path::Walk<Vacuum> walk{one(paths_[i]), Vacuum(), radiance_[sample]};
+        Path::Walk<Vacuum> walk{one(paths_[i]), Vacuum(), radiance_[sample],
+                                light_groups(static_cast<std::int32_t>(sample))};
         const Sampler &sampler = samplers_[sample];
         const RayHit found{hits_[i].distance,
                            hits_[i].b1,
@@ -326,7 +348,9 @@ void Wavefront::gather_emission(std::span<const std::int32_t> paths) {
 void Wavefront::add_emission(const PathState<WideFloat> &path, const Hit<WideFloat> &hit,
                              const Packet &packet) {
     const WideBool shines = packet.active && hit.emitter >= 0;
-    if (any(shines)) add(path.throughput * integrator_.emitted(scene_, path, hit), packet, shines);
+    if (any(shines))
+        add(path.throughput * integrator_.emitted(scene_, path, hit), packet, shines, path.ray.direction,
+            [&] { return hit.emitter; });
 }
 
 BounceSample<WideFloat> Wavefront::numbers(const Packet &packet, const PathState<WideFloat> &path) const {
@@ -344,10 +368,12 @@ void Wavefront::add_direct_light(const Vertex &vertex, const DirectSample<WideFl
     const Rgb<WideFloat> throughput = vertex.path.throughput * share;
     const Rgb<WideFloat> value = throughput * integrator_.direct(light, bsdf, WideFloat(1));
     const Ray<WideFloat> ray = shadow_ray(leave(hit, light.wi), hit.position_error, light);
-    if (!scene_.has_null_transmission()) return append(ray, value, vertex.packet, lit);
+    const auto lights = [&] { return scene_.lights().picked(vertex.u.light); };
+    if (!scene_.has_null_transmission())
+        return append(ray, value, group_light_.empty() ? WideInt(0) : lights(), vertex.packet, lit);
 
     const RayHits blockers = tracer.closest(ray, lit);
-    add(value, vertex.packet, lit && blockers.shape < 0);
+    add(value, vertex.packet, lit && blockers.shape < 0, light.wi, lights);
     for_each_lane(lit && blockers.shape >= 0, [&](int k) {
         if (!transmits_[static_cast<std::size_t>(blockers.shape[k])]) return;
         const DirectSample<float> one_light = lane_of(light, k);
@@ -355,9 +381,10 @@ void Wavefront::add_direct_light(const Vertex &vertex, const DirectSample<WideFl
                                             hit.position_error[k], one_light, Vacuum());
         if (!arriving) return;
         const BsdfEval<float> f{lane_of(bsdf.f_cos, k), bsdf.pdf[k], bsdf.eta[k]};
-        radiance_[static_cast<std::size_t>(vertex.packet.samples[k])] +=
-            lane_of(throughput, k) *
-            (integrator_.direct(one_light, f, arriving->path_pdf) * arriving->value());
+        const Spectrum one_value = lane_of(throughput, k) *
+                                   (integrator_.direct(one_light, f, arriving->path_pdf) * arriving->value());
+        radiance_[static_cast<std::size_t>(vertex.packet.samples[k])] += one_value;
+        light_groups(vertex.packet.samples[k]).add_picked(vertex.u.light[k], one_light.wi, one_value);
     });
 }
 

@@ -21,9 +21,10 @@ public:
 
     Wavefront(const Scene &scene, const Path &integrator);
 
-    // The radiance and the filter weights of samples, at most `capacity`.
+    // The radiance and the filter weights of samples, at most `capacity`. `groups` gets the radiance of each
+    // sample by light groups, side by side, unless it is empty.
     void render(std::span<const SampleId> ids, SequenceKind sequence, std::uint32_t seed, Tracer &tracer,
-                std::span<Spectrum> radiance, std::span<float> weights);
+                std::span<Spectrum> radiance, std::span<float> weights, std::span<Spectrum> groups = {});
 
 private:
     // A path between two steps, in rows of four numbers that lanes load and store as columns.
@@ -37,7 +38,8 @@ private:
     struct alignas(16) StoredShadowRay {
         float origin[3], far, direction[3];
         std::int32_t sample;
-        float value[4]; // its contribution if it is not occluded
+        float value[3];     // its contribution if it is not occluded
+        std::int32_t light; // for light groups
     };
     // Paths that hit the same material.
     struct Group {
@@ -94,9 +96,14 @@ private:
     RayHits load_hits(const Packet &packet) const;
     std::int32_t sample_of(std::int32_t path) const;
     void append(const PathState<WideFloat> &path, const Packet &packet, WideBool active);
-    void append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, const Packet &packet,
+    void append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, WideInt light, const Packet &packet,
                 WideBool active);
-    void add(const Rgb<WideFloat> &value, const Packet &packet, WideBool active);
+    // Adds light of the lights `light()` from a direction, towards the lights.
+    template <class F>
+    void add(const Rgb<WideFloat> &value, const Packet &packet, WideBool active,
+             const Vec3<WideFloat> &direction, F &&light);
+    // Where the light of a sample goes by groups.
+    LightGroups light_groups(std::int32_t sample) const;
     static PathState<float> one(const StoredPath &stored);
     static StoredPath stored(const PathState<float> &path, std::int32_t sample);
 
@@ -107,12 +114,14 @@ private:
 
     const Scene &scene_;
     const Path &integrator_;
+    std::size_t light_group_count_;
     std::vector<std::int32_t> group_of_shape_; // its material, or one_by_one
     std::vector<bool> transmits_;              // whether light may pass straight through a shape
     std::vector<std::uint32_t> group_sizes_;   // by material, zero between steps
 
     std::vector<Sampler> samplers_; // of the current samples
     std::span<Spectrum> radiance_;
+    std::span<Spectrum> group_light_; // by light groups, of all samples; empty if there are none
 
     std::size_t count_ = 0, next_count_ = 0, shadow_count_ = 0;
     std::vector<StoredPath> paths_, next_;

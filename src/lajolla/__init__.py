@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from lajolla import checkpoint as checkpoint
     from lajolla import comparison as comparison
     from lajolla import completion as completion
+    from lajolla import denoising as denoising
     from lajolla import film as film
     from lajolla import image as image
     from lajolla import outputs as outputs
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from lajolla import scene as scene
     from lajolla import survey as survey
     from lajolla import whole_files as whole_files
+    from lajolla.denoising import DenoiseError
     from lajolla.image import Image
     from lajolla.limits import OptionError
     from lajolla.loading import Scene, load, load_dict
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ClusterError",
     "ClusterWarning",
+    "DenoiseError",
     "Image",
     "ImageError",
     "ImageWarning",
@@ -60,10 +63,11 @@ __all__ = [
 
 # Modules and names are imported when they are first used: `lajolla --help` does without NumPy and the core.
 _MODULES = tuple(
-    "_core catalog checkpoint comparison completion film image outputs picture_formats render report scene "
-    "survey whole_files".split()
+    "_core catalog checkpoint comparison completion denoising film image outputs picture_formats render "
+    "report scene survey whole_files".split()
 )
 _HOMES = {
+    "DenoiseError": "denoising",
     "Image": "image",
     **dict.fromkeys(("ImageError", "ImageWarning"), "picture_files"),
     "OptionError": "limits",

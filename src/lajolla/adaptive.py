@@ -15,6 +15,8 @@ Image Synthesis"). Therefore the errors of the black halves decide about the whi
 the samples of different pixels are independent.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,9 +45,9 @@ class Halves:
 
     def sums(self, values: NDArray[np.floating]) -> NDArray[np.float64]:
         """Sums over the pixels of each half; values (height, width)."""
-        return np.bincount(self.of_pixels.ravel(), values.ravel(), int(np.prod(self.shape))).reshape(
-            self.shape
-        )
+        size = int(np.prod(self.shape))
+        found: NDArray[Any] = np.bincount(self.of_pixels.ravel(), values.ravel(), size)
+        return found.reshape(self.shape)
 
     def mean(self, values: NDArray[np.floating] | Counts) -> float:
         """The mean of all pixels, of values that are equal within a half."""

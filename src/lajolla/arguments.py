@@ -9,11 +9,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from lajolla.limits import LIMITS, OptionError, check
+from lajolla.aovs import AOVS, check_aovs
+from lajolla.limits import COMPRESSIONS, LIMITS, OptionError, check
 from lajolla.messages import suggestion
 
 STREAMS = {"-": "stdout", "/dev/stdout": "stdout", "/dev/stderr": "stderr"}
-ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .m"
+ENDINGS = ".exr, .hdr, .pfm, .png, .jpg, .tif, .webp, .npy, .npz, .m"
 
 GENERAL = """\
 examples:
@@ -30,12 +31,21 @@ EXAMPLES = {
 examples:
   lajolla render scene.xml --spp 64 --size 640x480 -o small.png
   lajolla render scene.xml -o picture.exr -o picture.jpg --exposure 1
+  lajolla render scene.xml --aov albedo,normal,crypto_material -o layers.exr
   lajolla render scene.xml --pixel 10,20              the radiance of one pixel
+  lajolla render scene.xml --spp 16 --denoise
   lajolla render - -o - --format png < scene.xml > picture.png
   lajolla render scene.xml --noise 1% --time 2h --checkpoint scene.ckpt
   lajolla render scene.xml --noise 1% --time 2h --resume scene.ckpt       after a crash
 
-Ctrl-C stops rendering and saves the samples so far.""",
+Ctrl-C stops rendering and saves the samples so far, denoised with --denoise.""",
+    "denoise": """\
+examples:
+  lajolla denoise noisy.exr -o clean.exr
+  lajolla denoise noisy.exr -o clean.png --exposure 1
+
+Layers albedo.R, ... and normal.x, ... of the picture help to keep details. 'lajolla render --denoise' renders
+better ones.""",
     "check": """\
 examples:
   lajolla check scene.xml
@@ -139,6 +149,8 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
         parser.error("a scene from standard input has no name for its picture: name it with -o")
     if arguments.checkpoint is None:
         arguments.checkpoint = arguments.resume
+    if arguments.denoise and arguments.pixel is not None:
+        parser.error("--denoise cannot be combined with --pixel")
     if "-" in outputs and is_standard_output(arguments.stats):
         parser.error("the picture and --stats cannot both go to standard output")
 
@@ -148,6 +160,8 @@ def prints_results(arguments: argparse.Namespace) -> bool:
     if arguments.command in ("render", "merge"):
         named = [*(arguments.outputs or []), arguments.stats]
         return arguments.pixel is not None or any(is_standard_output(path) for path in named)
+    if arguments.command == "denoise":
+        return any(is_standard_output(path) for path in arguments.outputs)
     return arguments.command != "convert" or is_standard_output(arguments.target)
 
 
@@ -175,6 +189,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     adders: dict[str, tuple[str, Callable[[Parser], None]]] = {
         "render": ("render a scene", _add_render),
+        "denoise": ("remove noise from a rendered picture", _add_denoise),
         "check": ("open a scene; print statistics and warnings", _add_check),
         "convert": ("write a scene as a file for Mitsuba 3", _add_convert),
         "compare": ("measure the difference between two pictures", _add_compare),
@@ -242,48 +257,40 @@ def _add_scene(parser: Parser) -> None:
     group.add_argument(
         "--max-depth", type=_whole("max_depth"), metavar="N", help="longest path in segments; -1: no limit"
     )
-
-
-def _add_pictures(group: argparse._ArgumentGroup, default: str = "") -> None:
-    """Adds the options of written pictures; `default` says what is written without -o."""
     group.add_argument(
-        "-o",
-        "--output",
-        dest="outputs",
-        type=Path,
-        action="append",
-        metavar="OUT",
-        help=f"picture to write, {ENDINGS} and others; - is standard output; repeatable{default}",
+        "--hide-emitters",
+        action="store_const",
+        const=True,
+        help="lights are invisible to the camera, and alpha is 0 where there is nothing else",
     )
     group.add_argument(
-        "--format",
-        metavar="NAME",
-        help="exr, png, ...: format of outputs without a known ending",
-    )
-    group.add_argument("--half", action="store_true", help="16-bit instead of 32-bit EXR")
-    group.add_argument(
-        "--exposure",
-        type=_finite,
-        default=0.0,
-        metavar="STOPS",
-        help="brightens PNG, JPEG and the like by 2^STOPS",
-    )
-    group.add_argument(
-        "--tonemap",
-        choices=("gamma", "reinhard"),
-        help="tone mapping instead of the film's: exposure only, or Reinhard et al. 2002",
+        "--aov",
+        dest="aovs",
+        type=_aovs,
+        action="extend",
+        default=[],
+        metavar="NAME,...",
+        help=f"variables in layers of their own, in .exr and .npz files; repeatable: {', '.join(AOVS)}",
     )
 
 
 def _add_render(parser: Parser) -> None:
     _add_scene(parser)
     parser.set_defaults(suffix="")
-    group = parser.add_argument_group("output")
-    _add_pictures(group, " (default: the scene's name with the endings for its film, usually .exr and .png)")
+    group = _add_output(
+        parser,
+        default=" (default: the scene's name with the endings for its film, usually .exr and .png)",
+    )
     group.add_argument(
         "--all-sensors",
         action="store_true",
         help="render one picture per sensor; its id or number is appended to file names",
+    )
+    group.add_argument(
+        "--denoise",
+        action="store_true",
+        help="remove noise with Open Image Denoise (pip install 'lajolla[denoise]'); EXR files keep the "
+        "noisy picture as a layer",
     )
     group = parser.add_argument_group(
         "end (at the first of --spp, --time and --noise; default: the scene's spp)"
@@ -317,10 +324,7 @@ def _add_render(parser: Parser) -> None:
         metavar="N",
         help="begin with this sample of each pixel, to render one picture in parts, for `lajolla merge`",
     )
-    group = parser.add_argument_group("run")
-    group.add_argument(
-        "--threads", type=_whole("threads"), metavar="N", help="number of threads (default: all)"
-    )
+    group = _add_run(parser)
     group.add_argument(
         "--cluster",
         metavar="ADDRESS",
@@ -332,12 +336,67 @@ def _add_render(parser: Parser) -> None:
         action="store_true",
         help="with --cluster: permit other instruction sets, which change the last bits of a picture",
     )
-    group.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     group.add_argument(
         "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
     )
     group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
     group.add_argument("--sample", type=_whole("sample"), metavar="N", help="with --pixel: only this sample")
+
+
+def _add_denoise(parser: Parser) -> None:
+    parser.add_argument("picture", type=Path, metavar="PICTURE", help="picture; - reads standard input")
+    _add_output(parser, default="", required=True)
+    _add_run(parser)
+
+
+def _add_output(parser: Parser, *, default: str, required: bool = False) -> argparse._ArgumentGroup:
+    """Adds the options of written pictures; returns their group."""
+    group = parser.add_argument_group("output")
+    group.add_argument(
+        "-o",
+        "--output",
+        dest="outputs",
+        type=Path,
+        action="append",
+        required=required,
+        metavar="OUT",
+        help=f"picture to write, {ENDINGS} and others; - is standard output; repeatable{default}",
+    )
+    group.add_argument(
+        "--format",
+        metavar="NAME",
+        help="exr, png, ...: format of outputs without a known ending",
+    )
+    group.add_argument("--half", action="store_true", help="16-bit instead of 32-bit colours in EXR")
+    group.add_argument(
+        "--compression",
+        choices=COMPRESSIONS,
+        default="zip",
+        help="of EXR (default: zip); pxr24, b44 and dwa are not exact",
+    )
+    group.add_argument(
+        "--exposure",
+        type=_finite,
+        default=0.0,
+        metavar="STOPS",
+        help="brightens PNG, JPEG and the like by 2^STOPS",
+    )
+    group.add_argument(
+        "--tonemap",
+        choices=("gamma", "reinhard"),
+        help="tone mapping instead of the film's: exposure only, or Reinhard et al. 2002",
+    )
+    return group
+
+
+def _add_run(parser: Parser) -> argparse._ArgumentGroup:
+    """Adds the options of how to run; returns their group."""
+    group = parser.add_argument_group("run")
+    group.add_argument(
+        "--threads", type=_whole("threads"), metavar="N", help="number of threads (default: all)"
+    )
+    group.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    return group
 
 
 def _add_check(parser: Parser) -> None:
@@ -369,7 +428,7 @@ def _add_merge(parser: Parser) -> None:
     parser.add_argument(
         "files", type=Path, nargs="+", metavar="CHECKPOINT", help="written by lajolla render --checkpoint"
     )
-    _add_pictures(parser.add_argument_group("output"))
+    _add_output(parser, default="")
     parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="also write the sum as a checkpoint")
     parser.set_defaults(stats=None, pixel=None, resume=None)
 
@@ -425,6 +484,13 @@ def _size(text: str) -> tuple[int, ...]:
 
 def _crop(text: str) -> tuple[int, ...]:
     return _numbers("crop", text, ",", "X,Y,WIDTH,HEIGHT, such as 0,0,64,64")
+
+
+def _aovs(text: str) -> tuple[str, ...]:
+    try:
+        return check_aovs(name.strip() for name in text.split(","))
+    except OptionError as problem:
+        raise argparse.ArgumentTypeError(str(problem)) from None
 
 
 def _pixel(text: str) -> tuple[int, ...]:
@@ -526,4 +592,6 @@ def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -
             words += ["--" + flag.replace("_", "-"), str(getattr(arguments, flag))]
     if arguments.two_sided:
         words += ["--two-sided"]
+    if arguments.hide_emitters:
+        words += ["--hide-emitters"]
     return shlex.join([*words, "--pixel", f"{x},{y}", "--sample", str(sample)])

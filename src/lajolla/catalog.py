@@ -3,9 +3,10 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from lajolla.aovs import AOVS
 from lajolla.limits import OptionError
 from lajolla.messages import suggestion
-from lajolla.scene import core_schema, plugins
+from lajolla.scene import core_schema, plugins, plugins_by_kind
 
 Catalog = dict[str, dict[str, Mapping[str, Any]]]
 
@@ -20,6 +21,9 @@ def catalog() -> Catalog:
     }  # adapters are bsdfs in scene files
     for kind, models in plugins().items():
         merged.setdefault(kind, {}).update(models)
+    emitters = plugins_by_kind()["emitter"].values()  # with their common property
+    merged["emitter"] = {plugin.name: plugin.described() for plugin in emitters}
+    merged["aov"] = {name: {"doc": variable.doc, "fields": []} for name, variable in AOVS.items()}
     return merged
 
 

@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,13 @@ from numpy.typing import NDArray
 
 from lajolla import _core, processor
 from lajolla.adaptive import Counts, Halves
+from lajolla.aovs import object_layers
 from lajolla.film import Film
 from lajolla.identity import differences, sections
 from lajolla.image import Image
 from lajolla.limits import LARGEST, MOST_SAMPLES
 from lajolla.picture_files import ImageError
-from lajolla.render import Rendering
+from lajolla.render import Rendering, developed
 from lajolla.whole_files import replacing
 
 FORMAT = 1  # of the files; others are refused
@@ -40,8 +42,6 @@ def identity(rendering: Rendering) -> dict[str, Any]:
 
     This takes a second for a gigabyte of meshes and textures.
     """
-    import lajolla
-
     scene = rendering.description
     height, width = rendering.halves.of_pixels.shape
     film = {name: value for name, value in scene["film"].items() if not name.startswith("crop_")}
@@ -51,7 +51,7 @@ def identity(rendering: Rendering) -> dict[str, Any]:
     }
     return {
         **sections({**scene, **own}),
-        "version": lajolla.__version__,
+        "version": version("lajolla"),
         "instruction set": f"{_core.isa} on {processor.level()}",  # Embree chooses its own by the processor
     }
 
@@ -70,6 +70,7 @@ class Checkpoint:
     offset: tuple[int, int]  # of the crop window
     channels: list[str]
     film: Film
+    aovs: list[str]
     ranges: list[tuple[int, int]]
     seconds: float
     rays: int
@@ -82,9 +83,13 @@ class Checkpoint:
     def image(self) -> Image:
         """The mean of the samples."""
         halves = Halves(self.width, self.height, self.offset)
-        values = self.sums.means(self.counts.ravel()[halves.of_pixels])
-        channels = {label: values[..., 3 + index] for index, label in enumerate(self.channels)}
-        return Image(values[..., :3], channels, self.film)
+        counts = self.counts.ravel()[halves.of_pixels]
+        return developed(self.sums.means(counts), counts, self.channels, self.aovs, self.film)
+
+    @property
+    def left_out(self) -> list[str]:
+        """AOVs that a picture of it does not have, because they need the scene."""
+        return object_layers(self.aovs)
 
     def write(self, path: Path) -> None:
         """Writes a file in place of the one that is there. Raises ImageError."""
@@ -93,14 +98,14 @@ class Checkpoint:
         }
         text = json.dumps({**facts, "format": FORMAT, "film": asdict(self.film)})
         with replacing(path) as temporary, open(temporary, "wb") as file:
-            np.savez(
-                file,
-                facts=np.array(text),
-                digits=self.sums.digits,
-                places=self.sums.places,
-                counts=self.counts,
+            arrays: dict[str, Any] = {
+                "facts": np.array(text),
+                "digits": self.sums.digits,
+                "places": self.sums.places,
+                "counts": self.counts,
                 **self.rounds,
-            )
+            }
+            np.savez(file, **arrays)
 
 
 def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Checkpoint:
@@ -125,6 +130,7 @@ def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Che
         offset=rendering.halves.offset,
         channels=list(rendering.channels),
         film=rendering.film,
+        aovs=list(rendering.aovs),
         ranges=[(first, first + int(counts.max()))],
         seconds=rendering.seconds,
         rays=rays,
@@ -177,9 +183,13 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
     ]
     if not ranges:
         raise ValueError("no samples")
-    shapes = {"changes": (np.float64, halves.shape), "changes_before": (np.float64, halves.shape)}
-    shapes |= {"measured_counts": (np.uint32, halves.shape), "round": (np.uint32, halves.shape)}
-    shapes |= {"measured_picture": (np.float32, (height, width, 3))}
+    shapes: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+        "changes": (np.float64, halves.shape),
+        "changes_before": (np.float64, halves.shape),
+        "measured_counts": (np.uint32, halves.shape),
+        "measured_picture": (np.float32, (height, width, 3)),
+        "round": (np.uint32, halves.shape),
+    }
     return Checkpoint(
         identity=dict(facts["identity"]),
         width=width,
@@ -187,6 +197,7 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
         offset=(offset[0], offset[1]),
         channels=[str(label) for label in facts["channels"]],
         film=Film(**facts["film"]),
+        aovs=[str(aov) for aov in facts["aovs"]],
         ranges=ranges,
         seconds=float(facts["seconds"]),
         rays=_whole(facts["rays"], 0, 2**63),

@@ -1,4 +1,4 @@
-"""The command line: `lajolla render`, `check`, `convert`, `compare`, `merge`, `list` and `completion`.
+"""The command line: `lajolla render`, `denoise`, `check` and so on.
 
 Results go to standard output, everything else to standard error. Every error of the user's is one message and
 exit code 1; an interrupted command ends with 128 + the signal's number, as in a shell.
@@ -13,7 +13,7 @@ import os
 import resource
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -40,6 +40,10 @@ from lajolla.display import (
     say,
 )
 from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
+
+TYPE_CHECKING = False  # as in `lajolla`
+if TYPE_CHECKING:
+    from lajolla.colour import FloatImage
 
 LEAST_MEMORY = (
     384 << 20
@@ -129,6 +133,8 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
             integrator=arguments.integrator,
             max_depth=arguments.max_depth,
             sensor=arguments.sensor,
+            hide_emitters=arguments.hide_emitters,
+            aovs=arguments.aovs,
         )
 
 
@@ -151,6 +157,8 @@ def command_render(arguments: argparse.Namespace) -> int:
         return _render_each_sensor(arguments)
     if arguments.pixel is None:
         lajolla.outputs.check(arguments)
+    if arguments.denoise:
+        lajolla.denoising.check_available()
     scene = load(arguments)
     for warning in scene.warnings:
         print_message(warning)
@@ -158,13 +166,7 @@ def command_render(arguments: argparse.Namespace) -> int:
         x, y = arguments.pixel
         print(*scene.radiance(x, y, arguments.sample))
         return 0
-    outputs = lajolla.outputs.outputs_of(arguments, scene.film)
-    for output in outputs:
-        output.check()
-        output.check_space(scene)
-    if scene.core.channels and not any(output.holds_channels for output in outputs):
-        holding = " and ".join(lajolla.picture_formats.HOLD_CHANNELS)
-        say(f"warning: only {holding} files hold all channels of this scene")
+    outputs = _checked_outputs(scene, arguments)
     rendering = scene.rendering(
         spp=arguments.spp,
         seconds=arguments.time,
@@ -177,34 +179,62 @@ def command_render(arguments: argparse.Namespace) -> int:
     )
     if arguments.resume is not None:
         lajolla.checkpoint.resume(rendering, arguments.resume)
-    saver = arguments.checkpoint and lajolla.checkpoint.Saver(
-        rendering, arguments.checkpoint, arguments.every
-    )
+    return _run_and_save(outputs, scene, rendering, arguments)
+
+
+def _checked_outputs(scene: lajolla.Scene, arguments: argparse.Namespace) -> list[lajolla.outputs.Output]:
+    """The pictures to be written; raises ImageError if one of them cannot be written."""
+    outputs = lajolla.outputs.outputs_of(arguments, scene.film)
+    for output in outputs:
+        output.check()
+        output.check_space(scene, layers=9 if arguments.denoise else 0)
+        output.check_layers(scene, arguments)
+    has_more = scene.core.channels or scene.aovs
+    if has_more and not any(output.holds_channels for output in outputs):
+        *some, last = lajolla.picture_formats.HOLD_CHANNELS
+        say(f"warning: only {', '.join(some)} and {last} files hold all channels")
+    return outputs
+
+
+def _run_and_save(
+    outputs: Sequence[lajolla.outputs.Output],
+    scene: lajolla.Scene,
+    rendering: lajolla.Rendering,
+    arguments: argparse.Namespace,
+) -> int:
+    """Renders, and saves what there is at the end, after an interrupt, or after the loss of a cluster."""
+    file = arguments.checkpoint
+    saver = lajolla.checkpoint.Saver(rendering, file, arguments.every) if file else None
+    displayed = partial(progress_display, pixels=scene.width * scene.height, quiet=arguments.quiet)
     patience = Patience("the picture")
+    features = None
     failure: lajolla.ClusterError | None = None
     with handled_by(patience):
         try:
-            with (
-                suppress(Interrupt),
-                _warnings_printed(),
-                progress_display(pixels=scene.width * scene.height, quiet=arguments.quiet) as observe,
-            ):
-                rendering.run(patience.stopping(_saving(saver, observe)))
-        except lajolla.ClusterError as problem:
-            failure = problem
-        if rendering.samples == 0 and (failure or patience.interrupt) is not None:
-            raise failure or patience.interrupt
-        patience.save(_save, outputs, scene, rendering, arguments, saver)
-        names = ", ".join(str(output) for output in outputs)
-        if failure is not None:
-            say(f"error: {failure}")
-            say(f"wrote {names} with what had arrived ({_summary(scene, rendering)})")
-            return 1
-        if patience.interrupt is not None:
-            say(f"interrupted; wrote {names} ({_summary(scene, rendering)})")
-            return patience.interrupt.exit_code
-        if not arguments.quiet:
-            say(f"wrote {names} ({_summary(scene, rendering)})")
+            with suppress(Interrupt), _warnings_printed():
+                if arguments.denoise:  # first, so that an interrupted picture can be denoised too
+                    with displayed(label="features: ") as observe:
+                        features = scene.features(
+                            threads=arguments.threads, observe=patience.stopping(observe)
+                        )
+                with displayed() as observe:
+                    rendering.run(patience.stopping(_saving(saver, observe)))
+        except lajolla.ClusterError as error:
+            failure = error
+        problem = failure or patience.interrupt
+        if rendering.samples == 0 and problem is not None:
+            raise problem
+        patience.save(_save, outputs, scene, rendering, features, arguments, saver)
+    written = f"wrote {', '.join(map(str, outputs))} ({_summary(scene, rendering)})"
+    if failure is not None:
+        say(f"error: {failure}")
+        say(written)
+        return 1
+    if patience.interrupt is not None:
+        say(f"interrupted; {written}")
+        return patience.interrupt.exit_code
+    if not arguments.quiet:
+        say(written)
     return 0
 
 
@@ -234,18 +264,27 @@ def _save(
     outputs: Sequence[lajolla.outputs.Output],
     scene: lajolla.Scene,
     rendering: lajolla.Rendering,
+    features: Mapping[str, FloatImage] | None,
     arguments: argparse.Namespace,
     saver: lajolla.checkpoint.Saver | None,
 ) -> None:
-    """Writes all outputs of a render."""
+    """Writes all outputs of a render, denoised if there are features."""
+    picture, failure = rendering.image(), None
+    if features is not None:
+        try:
+            picture = picture.denoise(features, threads=arguments.threads)
+        except lajolla.DenoiseError as problem:
+            failure = lajolla.DenoiseError(f"{problem}; the picture was saved as rendered")
     with ExitStack() as last:
         if saver is not None:
             last.callback(saver.write)  # even if a picture cannot be written
-        lajolla.outputs.write_pictures(outputs, rendering.image(), arguments)
+        lajolla.outputs.write_pictures(outputs, picture, arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         stats = lajolla.outputs.statistics(scene, rendering)
         lajolla.outputs.write_statistics(arguments.stats, stats)
+    if failure is not None:
+        raise failure
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
@@ -297,6 +336,8 @@ def command_merge(arguments: argparse.Namespace) -> int:
         output.check()
     files = {path: lajolla.checkpoint.read(path) for path in dict.fromkeys(arguments.files)}
     result = lajolla.checkpoint.merged(files)
+    if result.left_out:
+        say(f"warning: {', '.join(result.left_out)} left out, which only a render of the scene can compute")
     lajolla.outputs.write_pictures(outputs, result.image(), arguments)
     if arguments.checkpoint is not None:
         result.write(arguments.checkpoint)
@@ -305,7 +346,29 @@ def command_merge(arguments: argparse.Namespace) -> int:
     return 0
 
 
-# --- convert, check, compare, list --------------------------------------------------------------------------
+# --- denoise, convert, check, compare, list -----------------------------------------------------------------
+
+
+def command_denoise(arguments: argparse.Namespace) -> int:
+    lajolla.denoising.check_available()
+    outputs = lajolla.outputs.outputs_of(arguments)
+    for output in outputs:
+        output.check()
+    source = sys.stdin.buffer if str(arguments.picture) == "-" else arguments.picture
+    picture = lajolla.Image.open(source)
+    patience = Patience("the picture")
+    with handled_by(patience):
+        patience.save(_denoise, outputs, picture, arguments)
+    if not arguments.quiet:
+        say(f"wrote {', '.join(str(output) for output in outputs)}")
+    return patience.interrupt.exit_code if patience.interrupt is not None else 0
+
+
+def _denoise(
+    outputs: Sequence[lajolla.outputs.Output], picture: lajolla.Image, arguments: argparse.Namespace
+) -> None:
+    denoised = picture.denoise(threads=arguments.threads)
+    lajolla.outputs.write_pictures(outputs, denoised, arguments)
 
 
 def command_convert(arguments: argparse.Namespace) -> int:
@@ -429,6 +492,7 @@ def command_completion(arguments: argparse.Namespace) -> int:
 
 COMMANDS = {
     "render": command_render,
+    "denoise": command_denoise,
     "check": command_check,
     "convert": command_convert,
     "compare": command_compare,

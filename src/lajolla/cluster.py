@@ -23,13 +23,13 @@ from collections.abc import Callable, Coroutine, Iterator, Mapping
 from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-import lajolla
 from lajolla import _core, processor, units
 from lajolla.adaptive import Counts
 from lajolla.limits import OptionError
@@ -77,7 +77,7 @@ class SceneMissing(Exception):
 def build() -> tuple[str, str]:
     """What the bits of a picture depend on, beside the scene: version and instruction set."""
     return (
-        lajolla.__version__,
+        version("lajolla"),
         f"{_core.isa} on {processor.level()}",
     )  # Embree chooses its own by the processor
 

@@ -145,24 +145,24 @@ def size_in_memory(count: float) -> str:
     return f"{count:.4g} GiB"
 
 
-def description(progress: Progress, pixels: int) -> str:
-    """Rate and time left."""
+def description(progress: Progress, pixels: int, label: str = "") -> str:
+    """Rate and time left, after what is rendered."""
     speed = rate(progress.samples * pixels / max(progress.seconds, 1e-9), "samples")
     samples = f"{progress.samples:.0f}"
     if progress.rules.spp is not None:
         samples += f"/{progress.rules.spp}"
     noise = f"noise {progress.noise:.2g}, " if math.isfinite(progress.noise) else ""
     left = f", {duration(progress.seconds_left)} left" if math.isfinite(progress.seconds_left) else ""
-    return f"{samples} spp, {noise}{speed}{left}"
+    return f"{label}{samples} spp, {noise}{speed}{left}"
 
 
 @contextmanager
-def progress_display(*, pixels: int, quiet: bool) -> Iterator[Observer]:
+def progress_display(*, pixels: int, quiet: bool, label: str = "") -> Iterator[Observer]:
     """An observer of a Rendering: a bar on a terminal, a line for about every 10 % elsewhere."""
     if quiet:
         yield lambda progress: None
     elif not sys.stderr.isatty():
-        yield line_observer(pixels)
+        yield line_observer(pixels, label)
     else:
         from rich.console import Console  # not loaded where no terminal shows it
         from rich.progress import BarColumn, TextColumn
@@ -172,11 +172,11 @@ def progress_display(*, pixels: int, quiet: bool) -> Iterator[Observer]:
         with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task("", total=1.0)
             yield lambda progress: bar.update(
-                task, completed=progress.fraction, description=description(progress, pixels)
+                task, completed=progress.fraction, description=description(progress, pixels, label)
             )
 
 
-def line_observer(pixels: int) -> Observer:
+def line_observer(pixels: int, label: str = "") -> Observer:
     """Prints a line whenever another tenth is done; the end is for the caller to report."""
     tenth = 0
 
@@ -184,6 +184,6 @@ def line_observer(pixels: int) -> Observer:
         nonlocal tenth
         if tenth < int(10 * progress.fraction) < 10:
             tenth = int(10 * progress.fraction)
-            say(f"{10 * tenth} % ({description(progress, pixels)})")
+            say(f"{10 * tenth} % ({description(progress, pixels, label)})")
 
     return observe

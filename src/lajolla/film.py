@@ -1,7 +1,7 @@
 """Output settings of a film: channels, number formats and tone mapping."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,11 @@ class Film:
     def has_alpha(self) -> bool:
         """Whether alpha is rendered."""
         return "A" in self.names
+
+    def with_alpha(self) -> "Film":
+        """The same with an alpha channel."""
+        names = "".join(self.names).removesuffix("A") + "A"
+        return replace(self, pixel_format=next(f for f, known in PIXEL_FORMATS.items() if known == names))
 
     @property
     def endings(self) -> tuple[str, ...]:

@@ -7,7 +7,8 @@ import io
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+import zipfile
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, BinaryIO, TypeAlias
@@ -15,9 +16,13 @@ from typing import Any, BinaryIO, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lajolla import denoising
+from lajolla.aovs import VARIANCE
 from lajolla.colour import FloatImage, decode_srgb, encode_srgb, xyz_to_rgb
 from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, Film, matrix_text
-from lajolla.messages import names_checked, shortened, warn
+from lajolla.layers import NO_LAYERS, Layer
+from lajolla.limits import COMPRESSIONS, check
+from lajolla.messages import names_checked, shortened, suggestion, warn
 from lajolla.picture_files import (
     ImageError,
     ImageWarning,
@@ -27,7 +32,14 @@ from lajolla.picture_files import (
     plain_name,
     reason,
 )
-from lajolla.picture_formats import DEEP, HOLD_CHANNELS, JPEG, LOW_RANGE, check_offered, ending_of
+from lajolla.picture_formats import (
+    DEEP,
+    HOLD_CHANNELS,
+    JPEG,
+    LOW_RANGE,
+    check_offered,
+    ending_of,
+)
 from lajolla.whole_files import Target, check_folder, is_device, name_of, target_of, written_to
 
 Source: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
@@ -37,14 +49,15 @@ NO_CHANNELS: Mapping[str, FloatImage] = MappingProxyType({})
 MAX_EXPOSURE = 100.0  # stops
 MAX_HALF = 65504.0  # the largest finite 16-bit float
 MAX_UINT = 2.0**32 - 256  # the largest that float32 holds
+EXACT = 2**24  # whole numbers up to here are exact in float32
 MAX_RGBE = float(np.float32(1.69e38))  # larger numbers wrap around in OpenImageIO's encoder
 
 
 class Image:
     """A rendered picture: linear RGB in `array`, float32 of shape (height, width, 3), first row on top.
 
-    What else was rendered is in `channels`, by name: float32 of shape (height, width); "A" is alpha. `film`
-    determines how the picture is written.
+    What else was rendered is in `channels`, by name: float32 of shape (height, width); "A" is alpha. `layers`
+    has what is no mean of samples: ids and Cryptomattes. `film` determines how the picture is written.
     """
 
     @names_checked
@@ -53,6 +66,7 @@ class Image:
         array: ArrayLike,
         channels: Mapping[str, ArrayLike] = NO_CHANNELS,
         film: Film = DEFAULT_FILM,
+        layers: Mapping[str, Layer] = NO_LAYERS,
     ) -> None:
         self.array: FloatImage = np.asarray(array, dtype=np.float32)
         if self.array.ndim != 3 or self.array.shape[2] != 3:
@@ -62,6 +76,26 @@ class Image:
             if values.shape != self.array.shape[:2]:
                 raise ImageError(f"channel {name!r} has shape {values.shape}, not {self.array.shape[:2]}")
         self.film = film
+        self.layers = dict(layers)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Everything that was rendered, as in an NPZ file: an array for each layer, first row on top.
+
+        "rgb" is float32 (height, width, 3), linear; "alpha", where it was rendered, (height, width). Channels
+        "NAME.LETTER" are together in NAME, (height, width, number of letters), or (height, width) for one.
+        Ids are int32, with their names in "NAME_names".
+        """
+        found: dict[str, list[FloatImage]] = {}
+        for label, values in self.channels.items():
+            found.setdefault("alpha" if label == "A" else label.rpartition(".")[0] or label, []).append(
+                values
+            )
+        result: dict[str, NDArray[Any]] = {"rgb": self.array}
+        for name, parts in found.items():
+            result[name] = parts[0] if len(parts) == 1 else np.dstack(parts)
+        for name, layer in self.layers.items():
+            result |= layer.arrays(name)
+        return result
 
     @staticmethod
     @names_checked
@@ -89,6 +123,7 @@ class Image:
         format: str | None = None,
         exposure: float = 0.0,
         half: bool = False,
+        compression: str = "zip",
     ) -> None:
         """Writes the picture to a file, or to a binary stream whose `format` is named; see `write`."""
         write(
@@ -97,9 +132,42 @@ class Image:
             format=format,
             exposure=exposure,
             half=half,
+            compression=compression,
             channels=self.channels,
             film=self.film,
+            layers=self.layers,
         )
+
+    @names_checked
+    def denoise(
+        self, features: Mapping[str, FloatImage] | None = None, *, threads: int | None = None
+    ) -> Image:
+        """The picture without noise, by Intel Open Image Denoise (`pip install 'lajolla[denoise]'`).
+
+        The result's channels contain this picture too, as "noisy.R", "noisy.G" and "noisy.B", and the
+        features, if it has no such layers itself. Alpha and other layers stay as they are.
+
+        Args:
+            features: channels "albedo.R", ... and "normal.x", ... of the same size, which say what the
+                network should keep; `Scene.features` renders them. Default: those that the picture has,
+                if any.
+            threads: number of threads, with the same result; default: all.
+
+        Raises:
+            DenoiseError: Open Image Denoise is not installed, or failed; the picture was denoised before.
+        """
+        if any(name in self.channels for name in denoising.NOISY):
+            raise denoising.DenoiseError("the picture was denoised before: it has channels noisy.R, ...")
+        check("threads", threads)
+        given = dict(self.channels if features is None else features)
+        for name, values in given.items():
+            if np.shape(values) != self.array.shape[:2]:
+                raise ImageError(f"feature {name!r} has shape {np.shape(values)}, not {self.array.shape[:2]}")
+        array = denoising.denoised(self.array, given, threads=threads)
+        noisy = dict(zip(denoising.NOISY, np.moveaxis(self.array, 2, 0), strict=True))
+        own = {name.rpartition(".")[0] for name in self.channels}
+        kept = {name: values for name, values in given.items() if name.rpartition(".")[0] not in own}
+        return Image(array, {**kept, **self.channels, **noisy}, self.film, self.layers)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:  # noqa: ANN401
         return np.array(self.array, dtype=dtype) if copy else np.asarray(self.array, dtype=dtype)
@@ -284,18 +352,22 @@ def write(
     format: str | None = None,
     exposure: float = 0.0,
     half: bool = False,
+    compression: str = "zip",
     channels: Mapping[str, FloatImage] = NO_CHANNELS,
     film: Film = DEFAULT_FILM,
+    layers: Mapping[str, Layer] = NO_LAYERS,
 ) -> None:
     """Writes linear RGB of shape (height, width, 3) to a file or a binary stream.
 
-    EXR, HDR and PFM hold the values themselves, EXR in the film's numbers, or 16-bit ones with `half`. PNG,
-    JPEG, WebP and others for displays hold them as the film maps them, times 2^exposure, to 8 bits, TIFF to
-    16. NPY and M files are matrices for NumPy, Matlab and Mathematica. EXR and NPY hold the `channels` too,
-    behind the film's own. A file appears complete or not at all.
+    EXR, HDR and PFM hold the values themselves, EXR in the film's numbers, or colours in 16-bit ones with
+    `half`. PNG, JPEG, WebP and others for displays hold them as the film maps them, times 2^exposure, to 8
+    bits, TIFF to 16. NPY and M files are matrices for NumPy, Matlab and Mathematica, and NPZ files what
+    `Image.arrays` returns. EXR and NPY hold the `channels` and the `layers` too, behind the film's own. A
+    file appears complete or not at all.
 
     Args:
         format: "exr", "png", ..., where it does not follow from the ending of a file's name.
+        compression: of EXR files: "zip", "piz", "dwaa", "none", ...
 
     Raises:
         ImageError: it cannot be written. What the format cannot hold is clamped, with an ImageWarning.
@@ -311,36 +383,81 @@ def write(
         grey = film.develop(linear, channels) if film.names == ("Y",) else linear
         write_encoded(target, grey, ending=ending)
     elif ending == ".exr":
-        _write_exr(target, linear, half, channels, film)
+        _write_exr(target, Image(linear, channels, film, layers), half, compression)
+    elif ending == ".npz":
+        _write_arrays(target, Image(linear, channels, film, layers).arrays())
     else:
-        _write_matrix(target, ending, linear, channels, film)
+        _write_matrix(target, ending, Image(linear, channels, film, layers))
 
 
-def _write_exr(
-    target: Target, linear: FloatImage, half: bool, channels: Mapping[str, FloatImage], film: Film
-) -> None:
-    others = {name: values for name, values in channels.items() if name != "A"}
-    pixels: NDArray[Any] = np.dstack([film.develop(linear, channels), *others.values()])
-    pixel_type = "half" if half else COMPONENT_FORMATS[film.component_format]
+def _write_exr(target: Target, image: Image, half: bool, compression: str) -> None:
+    """Stores colours alone as 16-bit numbers, as compositors expect: these are too coarse for positions."""
+    data = {k: v for name, layer in image.layers.items() for k, v in layer.channels(name).items()}
+    check_exact(target, image.layers, image.film, half=half, compression=compression)
+    _warn_of_large_ids(target, data)
+    others = {name: values for name, values in image.channels.items() if name != "A"}
+    pixels: NDArray[Any] = np.dstack(
+        [image.film.develop(image.array, image.channels), *others.values(), *data.values()]
+    )
+    names = (*image.film.names, *others, *data)
+    formats = ["float"] * len(names)
+    pixel_type = "half" if half else COMPONENT_FORMATS[image.film.component_format]
     if pixel_type == "half":
-        pixels = _clamped(target, pixels, -MAX_HALF, MAX_HALF).astype(np.float16)
+        coarse = [i for i, name in enumerate(names) if name not in data and _is_colour(name, image.film)]
+        pixels[..., coarse] = _clamped(target, pixels[..., coarse], -MAX_HALF, MAX_HALF)
+        formats = ["half" if i in coarse else "float" for i in range(len(names))]
     elif pixel_type == "uint":
         pixels = np.rint(_clamped(target, np.nan_to_num(pixels), 0.0, MAX_UINT)).astype(np.uint32)
-    write_encoded(target, pixels, ending=".exr", names=(*film.names, *others))
+        formats = []
+    metadata = {k: v for name, layer in image.layers.items() for k, v in layer.metadata(name).items()}
+    metadata["compression"] = compression
+    write_encoded(target, pixels, ending=".exr", names=names, formats=formats, attributes=metadata)
 
 
-def _write_matrix(
-    target: Target, ending: str, linear: FloatImage, channels: Mapping[str, FloatImage], film: Film
-) -> None:
+def _is_colour(channel: str, film: Film) -> bool:
+    layer, _, letter = channel.rpartition(".")
+    return channel in film.names or (letter in ("R", "G", "B", "A") and layer != VARIANCE)
+
+
+def check_exact(target: Target, layers: Collection[str], film: Film, *, half: bool, compression: str) -> None:
+    """Raises ImageError if an EXR file cannot hold the numbers of these layers, ids and mattes, exactly."""
+    if compression not in COMPRESSIONS:
+        raise ImageError(f"unknown compression {compression!r}{suggestion(compression, COMPRESSIONS)}")
+    for name in layers:
+        if compression == "pxr24":
+            raise ImageError(
+                f"{name_of(target)}: pxr24 rounds numbers, which would destroy the layer {name!r}"
+            )
+        if film.component_format == "uint32" and not half:
+            raise ImageError(f"{name_of(target)}: a film of whole numbers cannot hold the layer {name!r}")
+
+
+def _warn_of_large_ids(target: Target, data: Mapping[str, FloatImage]) -> None:
+    for label, values in data.items():
+        if label.endswith(".I") and values.max(initial=0) > EXACT:
+            problem = f"numbers in {label} above {EXACT} are rounded, but not in NPZ"
+            warn(ImageWarning(f"{name_of(target)}: {problem}"))
+
+
+def _write_matrix(target: Target, ending: str, image: Image) -> None:
     """NumPy: (height, width), or (height, width, channels); texts hold the picture alone."""
-    pixels = film.develop(linear, channels)
+    pixels = image.film.develop(image.array, image.channels)
     with written_to(target, ending) as temporary:
         if ending == ".m":
-            temporary.write_text(matrix_text(pixels, film))
+            temporary.write_text(matrix_text(pixels, image.film))
             return
-        others = [values for name, values in channels.items() if name != "A"]
-        everything = np.dstack([pixels, *others])
+        others = [values for name, values in image.channels.items() if name != "A"]
+        data = [values for name, layer in image.layers.items() for values in layer.channels(name).values()]
+        everything = np.dstack([pixels, *others, *data])
         np.save(temporary, everything[..., 0] if everything.shape[2] == 1 else everything)
+
+
+def _write_arrays(target: Target, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """An NPZ file. Unlike `numpy.savez`, this takes any names."""
+    with written_to(target, ".npz") as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name, values in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, np.ascontiguousarray(values), allow_pickle=False)
 
 
 def _clamped(target: Target, linear: FloatImage, low: float, high: float) -> FloatImage:
@@ -352,20 +469,29 @@ def _clamped(target: Target, linear: FloatImage, low: float, high: float) -> Flo
 
 
 # The numbers that files hold, by those of arrays.
-PIXEL_TYPES = {"uint8": "uint8", "uint16": "uint16", "uint32": "uint", "float16": "half", "float32": "float"}
+PIXEL_TYPES = {"uint8": "uint8", "uint16": "uint16", "uint32": "uint", "float32": "float"}
+NO_ATTRIBUTES: Mapping[str, str] = MappingProxyType({})
 
 
 @names_checked
 def write_encoded(
-    target: Target, pixels: NDArray[Any], *, ending: str = "", names: tuple[str, ...] = ()
+    target: Target,
+    pixels: NDArray[Any],
+    *,
+    ending: str = "",
+    names: tuple[str, ...] = (),
+    formats: Sequence[str] = (),
+    attributes: Mapping[str, str] = NO_ATTRIBUTES,
 ) -> None:
     """Writes an array (height, width, channels) as it is, atomically. Raises ImageError.
 
     Args:
         target: a file, or a stream.
-        pixels: 8, 16 or 32-bit whole numbers, or 16 or 32-bit floats.
+        pixels: 8, 16 or 32-bit whole numbers, or 32-bit floats.
         ending: of the format, if not that of the file's name.
         names: of the channels.
+        formats: of the channels, if not those of the array: "half" or "float".
+        attributes: of the file.
     """
     import OpenImageIO as oiio  # as in `check_offered`
 
@@ -375,6 +501,11 @@ def write_encoded(
     if names:
         spec.channelnames = names
         spec.alpha_channel = names.index("A") if "A" in names else -1
+    if formats:
+        spec.channelformats = tuple(oiio.TypeDesc(name) for name in formats)
+        spec.format = oiio.TypeDesc("float" if "float" in formats else "half")
+    for name, value in attributes.items():
+        spec.attribute(name, value)
     if ending == ".pfm":
         # OpenImageIO flips this bottom-up format chunk by chunk (its issue 5471): flip it here instead.
         spec.attribute("pnm:pfmflip", 0)

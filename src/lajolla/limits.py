@@ -1,4 +1,4 @@
-"""Ranges of numeric options, for Python and the command line. Does not import the renderer."""
+"""Ranges and choices of options, for Python and the command line. Does not import the renderer."""
 
 from collections.abc import Sequence
 from typing import SupportsIndex
@@ -18,6 +18,10 @@ LIMITS: dict[str, tuple[tuple[int, int], ...]] = {
     "pixel": ((0, LARGEST),) * 2,
     "sample": ((0, MOST_SAMPLES - 1),),
 }
+
+# Compressions of EXR files, as far as programs read them. Some are not exact: PXR24 rounds 32-bit floats to
+# 24 bits, B44 changes 16-bit ones, and DWA changes colours.
+COMPRESSIONS = ("none", "rle", "zip", "zips", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab")
 
 
 class OptionError(ValueError):

@@ -14,10 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lajolla import _core
+from lajolla.aovs import ALPHA, VARIANCE, needs_names
+from lajolla.colour import FloatImage
+from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
 from lajolla.image import Image
 from lajolla.limits import MOST_SAMPLES, OptionError, check
 from lajolla.messages import names_checked, suggestion, warn
+from lajolla.objects import ObjectLayers
 from lajolla.options import Options, apply_options
+from lajolla.picture_files import ImageWarning
 from lajolla.render import Progress, Rendering, StopRules, available_threads
 from lajolla.scene import (
     Description,
@@ -38,14 +43,16 @@ class Scene:
 
     def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
         start = time.perf_counter()
-        core = apply_options(description.core, options)
+        core = apply_options(description.core, options, description.light_groups)
         try:
             self.core = _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
         # To build it again elsewhere, which needs no places of errors.
         self.description = replace(description, core=core, places=Places())
-        self.film = description.film
+        self.film = description.film.with_alpha() if ALPHA in options.aovs else description.film
+        self.aovs = tuple(options.aovs)
+        self.names = description.names  # of objects, if an aov needs them
         self.sensors = description.sensors  # ids of all sensors, or their numbers
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
@@ -53,7 +60,8 @@ class Scene:
 
     def __reduce__(self) -> tuple[object, ...]:
         """A pickle holds the description with its options; the scene is built when the pickle is loaded."""
-        return Scene, (self.description, Options(), self.load_seconds)
+        kept = {"film": self.film, "aovs": self.aovs, "names": self.names}
+        return Scene, (self.description, Options(), self.load_seconds), kept
 
     def __repr__(self) -> str:
         samples = self.core.sample_count
@@ -118,6 +126,8 @@ class Scene:
                 first_sample=first_sample,
             )
         threads = available_threads() if threads is None else threads
+        if spp is not None and spp < 2 and VARIANCE in self.aovs:
+            raise OptionError("the aov 'variance' needs at least two samples per pixel")
         return Rendering(
             self.core,
             self.description.core,
@@ -126,6 +136,7 @@ class Scene:
             threads=threads,
             film=self.film,
             first_sample=first_sample,
+            layers=ObjectLayers(self.core, self.aovs, self.names, seed, first_sample, threads),
         )
 
     @names_checked
@@ -141,6 +152,7 @@ class Scene:
         cluster: str | Client | None = None,
         mixed: bool = False,
         observe: Callable[[Progress], None] = lambda progress: None,
+        denoise: bool = False,
     ) -> Image:
         """Renders the picture, until the first of spp, seconds and noise is reached.
 
@@ -162,7 +174,15 @@ class Scene:
                 is the same. Raises ClusterError.
             mixed: permits workers with another instruction set; the picture may then differ in the last bits.
             observe: called with the progress about ten times a second.
+            denoise: removes noise with the help of `features`; see `Image.denoise`. If that fails, the
+                picture is returned as rendered, with an ImageWarning.
+
+        Raises:
+            DenoiseError: `denoise` is set, and Open Image Denoise is not installed.
+            OptionError: an option is out of range, or the integrator shows no light to denoise.
         """
+        if denoise:
+            check_available()
         rendering = self.rendering(
             spp=spp,
             seconds=seconds,
@@ -173,8 +193,43 @@ class Scene:
             cluster=cluster,
             mixed=mixed,
         )
+        features = self.features(seed=seed, threads=threads) if denoise else None
         rendering.run(observe)
-        return rendering.image()
+        image = rendering.image()
+        if features is None:
+            return image
+        try:
+            return image.denoise(features, threads=threads)
+        except DenoiseError as problem:
+            warn(ImageWarning(f"{problem}; the picture is as rendered"))
+            return image
+
+    @names_checked
+    def features(
+        self,
+        *,
+        seed: int | None = None,
+        threads: int | None = None,
+        observe: Callable[[Progress], None] = lambda progress: None,
+    ) -> dict[str, FloatImage]:
+        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.z", by their names.
+
+        They show the first surface that is neither a mirror nor glass, with little noise; see
+        docs/denoising.md. Raises OptionError if the integrator shows no light.
+        """
+        for name, value in (("seed", seed), ("threads", threads)):
+            check(name, value)
+        output = features_output(self.description.core["integrator"])
+        rendering = Rendering(
+            self.core.with_output(output),
+            {**self.description.core, **output},
+            rules=StopRules(spp=FEATURE_SAMPLES),
+            seed=self.core.seed if seed is None else seed,
+            threads=available_threads() if threads is None else threads,
+        )
+        rendering.run(observe)
+        image = rendering.image()
+        return {**dict(zip(LAYERS["albedo"], np.moveaxis(image.array, 2, 0), strict=True)), **image.channels}
 
     @names_checked
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
@@ -214,8 +269,8 @@ def load(
         strict: makes unknown plugins and properties errors.
         two_sided: makes opaque surfaces reflect on both sides.
         parameters: values of the file's `$name` parameters.
-        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor);
-            other names are parameters that the file must have.
+        options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor,
+            hide_emitters, aovs); other names are parameters that the file must have.
 
     Raises:
         SceneError: the scene has an error; the message contains the location.
@@ -234,6 +289,7 @@ def load(
             two_sided=two_sided,
             integrator=own.integrator,
             sensor=own.sensor,
+            named=needs_names(own.aovs),
         )
     except UnknownParameter as problem:
         hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", *vars(own), *problem.known])
@@ -270,6 +326,7 @@ def load_dict(
         two_sided=two_sided,
         integrator=own.integrator,
         sensor=own.sensor,
+        named=needs_names(own.aovs),
     )
     return _warned(Scene(description, own, time.perf_counter() - start))
 

@@ -1,9 +1,10 @@
 """Render options, and their effect on the description."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from lajolla.aovs import check_aovs, with_aovs
 from lajolla.limits import LIMITS, OptionError, check
 from lajolla.messages import suggestion
 from lajolla.scene import core_schema, plugins_by_kind
@@ -21,12 +22,17 @@ class Options:
     integrator: str | None = None  # keeps the scene's parameters that the new one has too
     max_depth: int | None = None  # -1: unlimited, 1: emitters only, 2: direct light
     sensor: int | str | None = None  # one of several, by its number from 0 or its id
+    hide_emitters: bool | None = None  # lights are invisible to the camera
+    aovs: Sequence[str] = ()  # variables to render beside the picture (lajolla list aov)
 
     def __post_init__(self) -> None:
         """Raises OptionError for invalid values."""
         for name, value in vars(self).items():
             if name in LIMITS and not (name == "sensor" and isinstance(value, str)):
                 check(name, value)
+        if self.hide_emitters is not None and not isinstance(self.hide_emitters, bool):
+            raise OptionError(f"hide_emitters must be True or False, not {self.hide_emitters!r}")
+        object.__setattr__(self, "aovs", check_aovs(self.aovs))
         _check_name("sampler", self.sampler, lambda: list(core_schema()["sampler"]))
         integrators = plugins_by_kind()["integrator"]
         _check_name("integrator", self.integrator, lambda: [plugin.name for plugin in integrators.values()])
@@ -37,7 +43,7 @@ def _check_name(kind: str, name: str | None, known: Callable[[], list[str]]) -> 
         raise OptionError(f"unknown {kind} {name!r}{suggestion(str(name), known())}")
 
 
-def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
+def apply_options(core: dict[str, Any], options: Options, light_groups: Sequence[str] = ()) -> dict[str, Any]:
     """The description with options instead of the scene's own values. Raises OptionError.
 
     `integrator` and `sensor` are ignored here, because they apply when the scene is read.
@@ -53,7 +59,10 @@ def apply_options(core: dict[str, Any], options: Options) -> dict[str, Any]:
         film.update(_crop_fields(options.crop, film))
     result["film"] = film
     result["integrator"] = _integrator(core["integrator"], options)
-    return result
+    if options.hide_emitters is not None and "other_integrators" in core:
+        others = [_hiding(entry, options.hide_emitters) for entry in core["other_integrators"]]
+        result["other_integrators"] = others
+    return with_aovs(result, options.aovs, light_groups) if options.aovs else result
 
 
 def _with(entry: Mapping[str, Any], **values: object) -> dict[str, Any]:
@@ -71,7 +80,17 @@ def _crop_fields(crop: tuple[int, int, int, int], film: Mapping[str, Any]) -> di
 
 
 def _integrator(entry: Mapping[str, Any], options: Options) -> dict[str, Any]:
-    fields = {field["name"] for field in core_schema()["integrator"][entry["type"]]["fields"]}
-    if options.max_depth is not None and "max_depth" not in fields:
-        raise OptionError(f"the integrator {entry['type']!r} has no max_depth")
-    return _with(entry, max_depth=options.max_depth)
+    given = {name: getattr(options, name) for name in ("max_depth", "hide_emitters")}
+    for name, value in given.items():
+        if value is not None and name not in _fields(entry):
+            raise OptionError(f"the integrator {entry['type']!r} has no {name}")
+    return _with(entry, **given)
+
+
+def _hiding(entry: Mapping[str, Any], hide: bool) -> Mapping[str, Any]:
+    """An integrator beside that of the picture, which may show no lights anyway."""
+    return _with(entry, hide_emitters=hide) if "hide_emitters" in _fields(entry) else entry
+
+
+def _fields(entry: Mapping[str, Any]) -> set[str]:
+    return {field["name"] for field in core_schema()["integrator"][entry["type"]]["fields"]}

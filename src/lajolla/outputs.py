@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TextIO
 
+from lajolla.aovs import object_channels, object_layers
 from lajolla.arguments import STREAMS
 from lajolla.display import say
 from lajolla.film import Film
-from lajolla.image import Image, check_output, check_space
+from lajolla.image import Image, check_exact, check_output, check_space
 from lajolla.loading import Scene
 from lajolla.picture_files import ImageError, ImageWarning
 from lajolla.picture_formats import ENDINGS, HOLD_CHANNELS, ending_of
@@ -60,14 +61,23 @@ class Output:
             raise ImageError("a picture on standard output needs --format, such as --format png")
         check_output(self.target, self.named_format)
 
-    def check_space(self, scene: Scene) -> None:
-        """Raises ImageError if the disk may be too full for a picture of the scene."""
+    def check_space(self, scene: Scene, layers: int = 0) -> None:
+        """Raises ImageError if the disk may be too full for a picture of the scene with further layers."""
         if not self.is_standard:
-            channels = 3 + len(scene.core.channels)
+            channels = 3 + len(scene.core.channels) + object_channels(scene.aovs) + layers
             check_space(self.path, scene.width, scene.height, channels, self.named_format)
 
-    def save(self, picture: Image, *, exposure: float, half: bool) -> None:
-        picture.save(self.target, format=self.named_format, exposure=exposure, half=half)
+    def check_layers(self, scene: Scene, arguments: argparse.Namespace) -> None:
+        """Raises ImageError if the file cannot hold the scene's ids and mattes exactly."""
+        if ending_of(self.path, self.named_format) == ".exr":
+            half, compression = arguments.half, arguments.compression
+            layers = object_layers(scene.aovs)
+            check_exact(self.target, layers, scene.film, half=half, compression=compression)
+
+    def save(self, picture: Image, *, exposure: float, half: bool, compression: str) -> None:
+        picture.save(
+            self.target, format=self.named_format, exposure=exposure, half=half, compression=compression
+        )
 
 
 def outputs_of(arguments: argparse.Namespace, film: Film | None = None) -> list[Output]:
@@ -102,7 +112,12 @@ def write_pictures(outputs: Sequence[Output], picture: Image, arguments: argpars
         warnings.simplefilter("always", ImageWarning)
         for output in outputs:
             try:
-                output.save(picture, exposure=arguments.exposure, half=arguments.half)
+                output.save(
+                    picture,
+                    exposure=arguments.exposure,
+                    half=arguments.half,
+                    compression=arguments.compression,
+                )
             except ImageError as error:
                 errors.append(error)
     for warning in caught:

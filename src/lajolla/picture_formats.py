@@ -8,7 +8,7 @@ from lajolla.messages import suggestion
 from lajolla.picture_files import ImageError
 
 HIGH_RANGE = (".exr", ".hdr", ".pfm")
-MATRIX = (".npy", ".m")
+MATRIX = (".npy", ".npz", ".m")
 JPEG = (".jpg", ".jpeg")
 # What displays show: how many channels (1 and 2 are grey, 2 and 4 have alpha) the files can hold. They hold 8
 # bits, and TIFF 16. JPEG 2000 is not among them: OpenImageIO's writer crashes on small pictures.
@@ -26,7 +26,7 @@ LOW_RANGE = {
 }
 DEEP = (".tif", ".tiff")
 ENDINGS = (*HIGH_RANGE, *LOW_RANGE, *MATRIX)
-HOLD_CHANNELS = (".exr", ".npy")  # what can hold more than a picture
+HOLD_CHANNELS = (".exr", ".npy", ".npz")  # what can hold more than a picture
 
 
 def ending_of(name: Path | None, format: str | None) -> str:

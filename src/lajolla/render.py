@@ -3,19 +3,24 @@
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lajolla import _core
 from lajolla.adaptive import FIRST_COUNT, Counts, ErrorEstimate, Halves
+from lajolla.aovs import SAMPLES
+from lajolla.colour import FloatImage
 from lajolla.film import Film
 from lajolla.image import Image
+from lajolla.layers import named_channels
 from lajolla.limits import LIMITS, MOST_SAMPLES, OptionError
 from lajolla.messages import names_checked
+from lajolla.objects import ObjectLayers
 
 PASS_SECONDS = 2.0  # passes grow until they take about this long
 POLL_SECONDS = 0.1
@@ -95,9 +100,11 @@ class Rendering:
         threads: int,
         film: Film = DEFAULT_FILM,
         first_sample: int = 0,
+        layers: ObjectLayers | None = None,
     ) -> None:
         self.description = description  # what `core` was built from
         self.film = film
+        self.layers = layers
         self.channels = core.channels
         self.rules = rules
         self.seed = seed
@@ -115,15 +122,22 @@ class Rendering:
         return self.halves.mean(self.accumulator.counts)
 
     @property
+    def aovs(self) -> Sequence[str]:
+        """Names of the variables beside the picture."""
+        return self.layers.aovs if self.layers is not None else ()
+
+    @property
     def noise(self) -> float:
         """The estimated relative error of the picture; infinite if the stop rules do not need it."""
         return self.estimate.noise
 
     def image(self) -> Image:
         """The mean of the samples so far."""
-        values = self.accumulator.image()
-        channels = {label: values[..., 3 + index] for index, label in enumerate(self.channels)}
-        return Image(values[..., :3], channels, self.film)
+        counts = self.accumulator.pixel_counts()
+        image = developed(self.accumulator.image(), counts, self.channels, self.aovs, self.film)
+        if self.layers is not None:
+            image.layers = self.layers.layers(int(counts.max()))
+        return image
 
     @names_checked
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
@@ -203,6 +217,20 @@ class Rendering:
             if self.halves.mean(step) > (self.rules.seconds - self.seconds) * rate:
                 return
             yield self.accumulator.counts + step
+
+
+def developed(
+    means: FloatImage,
+    counts: NDArray[np.uint32],
+    labels: Sequence[str],
+    aovs: Collection[str],
+    film: Film,
+) -> Image:
+    """The picture of means (height, width, 3 + number of labels) of counts (height, width) samples."""
+    channels = named_channels(means, labels, counts)
+    if SAMPLES in aovs:
+        channels[f"{SAMPLES}.C"] = counts.astype(np.float32)
+    return Image(means[..., :3], channels, film)
 
 
 def available_threads() -> int:

@@ -151,7 +151,12 @@ class Plan:
     def __init__(self, halves: Halves, before: Counts, target: Counts) -> None:
         cells = TILE_SIZE // CELL_SIZE
         self.rows = [
-            Row(first // cells, *(array[first : first + cells] for array in (halves.pixels, before, target)))
+            Row(
+                first // cells,
+                halves.pixels[first : first + cells],
+                before[first : first + cells],
+                target[first : first + cells],
+            )
             for first in range(0, len(before), cells)
         ]
         self.left = sum(row.left for row in self.rows)  # samples

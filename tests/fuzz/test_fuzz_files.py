@@ -53,7 +53,7 @@ def test_broken_files(name: str, known: tuple[Path, dict[str, Format]], fuzz_min
         answer(folder, form, use, edited(sample, edits))
 
     search(
-        check, 60 if name == "nvdb" else 250, fuzz_minutes,
+        check, 30 if name == "nvdb" else 125, fuzz_minutes,
         sample=st.sampled_from(form.samples), use=st.integers(0, 3), edits=mistakes(),
     )  # fmt: skip
 

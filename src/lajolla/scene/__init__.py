@@ -28,6 +28,7 @@ from .description import cameras
 from .description.assemble import assemble
 from .description.builder import Builder, plugins_by_kind
 from .description.entries import Places
+from .description.names import Names, Numbered
 from .description.plugins import READER_PLUGINS
 from .description.substitutes import SUBSTITUTES
 from .formats.images import Pixels
@@ -43,6 +44,8 @@ from .versions.upgrade import upgrade
 __all__ = [
     "Description",
     "Export",
+    "Names",
+    "Numbered",
     "Places",
     "SceneError",
     "SceneFile",
@@ -73,6 +76,8 @@ class Description:
     places: Places = field(default_factory=Places)
     film: Film = field(default_factory=Film)
     sensors: tuple[str, ...] = ()  # the ids, or else numbers, of all that there are
+    names: Names | None = None  # of objects, if they were wanted
+    light_groups: tuple[str, ...] = ()  # names of the numbers from 1 on that emitters have as "lightgroup"
 
     def refusal(self, problem: Exception) -> SceneError:
         """The error to raise when the core refuses the description: the core's message at its place.
@@ -116,6 +121,7 @@ def load_description(
     two_sided: bool = False,
     integrator: str | None = None,
     sensor: str | int | None = None,
+    named: bool = False,
     runs: bool = True,
 ) -> Description:
     """Reads a Mitsuba scene file of any version.
@@ -128,6 +134,7 @@ def load_description(
         two_sided: make opaque materials the same on the back.
         integrator: the plugin to use in place of the scene's integrator, with the parameters that both have.
         sensor: the number, from zero, or the id of the one to look through.
+        named: keep the names of objects.
         runs: read shapes that are alike together, which is quicker and means the same.
 
     Raises:
@@ -135,7 +142,10 @@ def load_description(
         UnknownParameter: the scene does not have one that it must have.
     """
     tree, builder = _read(path, parameters, strict, required_names, runs=runs)
-    return _describe(tree, replace(builder, two_sided=two_sided, integrator=integrator, sensor=sensor))
+    names = Names() if named else None
+    return _describe(
+        tree, replace(builder, two_sided=two_sided, integrator=integrator, sensor=sensor, names=names)
+    )
 
 
 @_collector_paused()
@@ -206,19 +216,21 @@ def describe(
     two_sided: bool = False,
     integrator: str | None = None,
     sensor: str | int | None = None,
+    named: bool = False,
 ) -> Description:
     """Reads a scene from a dict, as Mitsuba 3's `load_dict` does.
 
     Args:
         scene_dict: `{"type": "scene", ...}`.
         base_path: the folder of files that it names; the working directory by default.
-        strict, two_sided, integrator, sensor: as for `load_description`.
+        strict, two_sided, integrator, sensor, named: as for `load_description`.
 
     Raises:
         SceneError: the scene cannot be read; the message contains the location and the reason.
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
-    builder = Builder(Diagnostics(strict), [base], two_sided, integrator, sensor)
+    names = Names() if named else None
+    builder = Builder(Diagnostics(strict), [base], two_sided, integrator, sensor, names)
     with Blame(Location(Source("scene", b"", base))), np.errstate(all="ignore"):
         tree = nodes_from_dict(scene_dict, base, builder.table, SUBSTITUTES)
     return _describe(_opened(tree, builder), builder)
@@ -284,5 +296,12 @@ def _opened(tree: Tree, builder: Builder) -> Tree:
 def _describe(tree: Tree, builder: Builder) -> Description:
     with Blame(tree.root.location), np.errstate(all="ignore"):
         core = assemble(builder, tree.root)
-    warnings, names = builder.diagnostics.warnings, cameras.names(tree.root)
-    return Description(core, warnings, builder.places, builder.film, names)
+    return Description(
+        core,
+        builder.diagnostics.warnings,
+        builder.places,
+        builder.film,
+        cameras.names(tree.root),
+        builder.names,
+        tuple(builder.light_groups),
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from .default_camera import default_camera
 from .inside import is_inside
 from .instances import add_instance, check_size, plain_group
 from .mapping import warn_of_missing_coordinates
+from .names import NAMED
 from .outputs import description_of, repeated
 from .plugin import BLACK, Entry, FilmPart, Part, Slot
 from .runs import add_run
@@ -56,6 +58,8 @@ def assemble(builder: Builder, scene: Node) -> Entry:
     size = _film(builder, film)
     rfilter = _only(builder, film, "rfilter") or _implied(film, "rfilter", _default_filter(film))
     output = _output(builder, _integrator(builder, scene))
+    if builder.names is not None:
+        builder.names.counts = {where: len(getattr(builder, where)) for where in NAMED}
     _warn_of_unseen_media(builder, output["integrator"]["type"], camera, sensor)
     return {
         "textures": builder.textures.stored,
@@ -296,7 +300,7 @@ def _material(builder: Builder, shape: Node, bsdf: Node | None, *, emits: bool) 
     assert slot is not None
     opaque = not builder.lets_light_through(slot.front)
     if builder.two_sided and opaque and slot.back == BLACK:
-        return Slot(slot.front, slot.front)
+        return replace(slot, back=slot.front)
     return slot
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -17,6 +18,7 @@ from ..syntax.errors import Blame, Diagnostics, Location, SceneError, did_you_me
 from ..syntax.files import MissingFile, find_file
 from ..syntax.nodes import Node, Property
 from .entries import Entries, Places
+from .names import Names, material_name
 from .outputs import Layer, Picture
 from .plugin import (
     BLACK,
@@ -44,6 +46,11 @@ DISPENSABLE = ("texture", "bsdf", "shape", "emitter", "medium")
 
 MOST_SETTINGS = 32  # settings with which one file is read
 MOST_LOOKUPS = 1024  # that one texture may take
+
+# A property of all emitters.
+LIGHTGROUP = Field("lightgroup", "string", "name of the group of lights that it is in, for a layer", "")
+REST = "rest"  # the layer of lights without a group
+MOST_LIGHT_GROUPS = 256  # as in the core
 
 # Lists of the description whose entries other entries name by index.
 LISTS = {"phase": "phases", "medium": "media"}
@@ -85,7 +92,14 @@ def plugins_by_kind() -> Mapping[str, Mapping[str, Plugin]]:
         table.setdefault(plugin.kind, Plugins()).makers[plugin.name.lower()] = partial(
             plugin.with_model, schema
         )
+    emitters = table["emitter"].makers
+    emitters.update({name: partial(_in_light_group, make) for name, make in emitters.items()})
     return table
+
+
+def _in_light_group(make: Callable[[], Plugin]) -> Plugin:
+    plugin = make()
+    return replace(plugin, fields=(*plugin.fields, LIGHTGROUP))
 
 
 def _of_model(kind: str, name: str) -> Plugin:
@@ -118,6 +132,7 @@ class Builder:
     two_sided: bool = False
     integrator: str | None = None  # in place of the scene's
     sensor: str | int | None = None  # which one of several, by id or number
+    names: Names | None = None  # of objects, if they are wanted; materials of different names are different
     table: Mapping[str, Mapping[str, Plugin]] = field(default_factory=plugins_by_kind)
     textures: Entries = field(default_factory=Entries)
     lookups: list[int] = field(default_factory=list)  # of each texture, how many it takes
@@ -133,6 +148,7 @@ class Builder:
     groups: Entries = field(default_factory=Entries)
     instances: Entries = field(default_factory=Entries)
     film: Film = field(default_factory=Film)  # how the picture is written
+    light_groups: list[str] = field(default_factory=list)  # names; the first has number 1
     layers: tuple[Layer, ...] = ()  # what the film says of integrators in `multichannel`
     uses: dict[Node, Built] = field(default_factory=dict)  # of textures and volumes
     materials_of: dict[Node, Slot | None] = field(default_factory=dict)  # bsdfs
@@ -207,7 +223,10 @@ class Builder:
             try:
                 with Blame(node.location, node):
                     values = self.values(known, plugin)
+                    group = values.pop(LIGHTGROUP.name, "") if known.kind == "emitter" else ""
                     result = plugin.build(self, known, dict(values) if self.kept is not None else values)
+                    if group:
+                        self._set_light_group(known, group, result)
             except MissingFile as problem:
                 if node.kind not in DISPENSABLE:
                     raise
@@ -216,6 +235,19 @@ class Builder:
         if self.kept is not None:
             self.kept[node] = self.kept[known or node] = Construction(known, values, result)
         return result
+
+    def _set_light_group(self, node: Node, group: str, lights: Built) -> None:
+        location = node.property_location(LIGHTGROUP.name)
+        if not re.fullmatch(r"[\w-]+", group) or group == REST:
+            message = f'"{group}" is no name of a light group: letters, digits, "_" and "-", and not "{REST}"'
+            raise SceneError(message, location)
+        if group not in self.light_groups:
+            if len(self.light_groups) == MOST_LIGHT_GROUPS:
+                raise SceneError(f"more than {MOST_LIGHT_GROUPS} light groups", location)
+            self.light_groups.append(group)
+        for light in lights if isinstance(lights, list) else [lights]:
+            if isinstance(light, dict):
+                light[LIGHTGROUP.name] = self.light_groups.index(group) + 1
 
     def construction(self, node: Node) -> Construction:
         """How a node was built; for a builder that keeps that."""
@@ -337,6 +369,8 @@ class Builder:
         if node not in self.materials_of:
             result = self.construct(node)
             slot = Slot(self.add_once("bsdfs", result, node)) if isinstance(result, dict) else result
+            if self.names is not None and isinstance(slot, Slot):
+                slot = replace(slot, name=material_name(node))
             self.materials_of[node] = cast("Slot | None", slot)
         return self.materials_of[node]
 
@@ -352,6 +386,8 @@ class Builder:
             self._count_lookups(entry, node)
         index = entries.add(entry)
         self.places[f"{where}[{index}]"] = node.location
+        if self.names is not None:
+            self.names.note(where, index, node)
         return index
 
     def _count_lookups(self, entry: Entry, node: Node) -> None:
@@ -414,6 +450,8 @@ class Builder:
         if slot not in self.slots:
             entry = {"front": _described(slot.front), "back": _described(slot.back)}
             self.slots[slot] = self.add("materials", entry, shape)
+            if self.names is not None and slot.name:
+                self.names.name("materials", self.slots[slot], slot.name)
         return self.slots[slot]
 
 

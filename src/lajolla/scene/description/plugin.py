@@ -40,10 +40,11 @@ MaterialId: TypeAlias = int | AdapterId  # the index of a bsdf, an adapter, or B
 
 @dataclass(frozen=True)
 class Slot:
-    """A material slot: the materials of the front and of the back."""
+    """A material slot: the materials of the front and of the back, and its name where names are wanted."""
 
     front: MaterialId
     back: MaterialId = BLACK
+    name: str = ""
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,10 @@ class Reader:
                 self._statement(current, keyword, rest)
             except ValueError:
                 self._warn(f'line {number}: "{keyword}" is not followed by what it needs')
-        return {name: self._bsdf(material) for name, material in self.materials.items()}
+        bsdfs = {name: self._bsdf(material) for name, material in self.materials.items()}
+        for name, bsdf in bsdfs.items():
+            bsdf.id = name
+        return bsdfs
 
     def _statement(self, material: Material, keyword: str, rest: str) -> None:
         if keyword == "Kd":

@@ -148,7 +148,8 @@ def _coating(context: Context, node: Node, values: Values) -> Slot:
         message = f"{node} cannot contain a transmissive bsdf, which remains uncoated"
         context.diagnostics.warn(message, node.location)
     made: dict[MaterialId, MaterialId] = {}
-    return Slot(*(_coated(context, node, values, side, made) for side in (inner.front, inner.back)))
+    front, back = (_coated(context, node, values, side, made) for side in (inner.front, inner.back))
+    return Slot(front, back)
 
 
 def _rough_coating(context: Context, node: Node, values: Values) -> Slot:
