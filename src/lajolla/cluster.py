@@ -329,12 +329,11 @@ class Pool:
             self.listing = self._in_loop(scheduler.ncores())
         if self.listing is None or not self.listing.done():
             return
-        try:
-            threads_of = self.listing.result()
-        except OSError as problem:
-            raise ClusterError(f"the scheduler is gone: {problem}") from None
+        answer, self.listing, self.listed = self.listing, None, now
+        if answer.exception() is not None:  # if the scheduler is gone, the client's status tells it
+            return
+        threads_of = answer.result()
         initial = not self.workers and not self.told
-        self.listing, self.listed = None, now
         for address in set(self.workers) - set(threads_of):
             self._drop(self.workers.pop(address))
         for address in set(threads_of) - set(self.workers):
