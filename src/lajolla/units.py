@@ -15,7 +15,7 @@ from lajolla import _core
 from lajolla.adaptive import CELL_SIZE, Counts, Halves
 
 TILE_SIZE = 16  # as in the core
-SHORTEST_SECONDS = 0.1  # of units near the end, so that all workers end together
+SHORTEST = 1 / 15  # of units near the end, of the longest: all workers should end together
 
 
 @dataclass(frozen=True)
@@ -203,8 +203,8 @@ class Plan:
         if self.rendered:
             average = self.thread_seconds / self.rendered
             end = min(self.left * average / all_threads, seconds_left)
-            seconds = min(max(end / 3, SHORTEST_SECONDS), longest)
-            samples = min(seconds * threads / self.cost(row.index), max(samples, row.samples(row.given)))
+            seconds = min(max(end / 3, SHORTEST * longest), longest)
+            samples = min(seconds * threads / self.cost(row.index), max(samples, 3 * row.samples(row.given)))
         unit = row.take(samples)
         self.left -= unit.samples
         self.open.add((unit.row, unit.number))
