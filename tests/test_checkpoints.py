@@ -125,7 +125,7 @@ def test_an_interrupted_render_leaves_a_checkpoint(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("lajolla.render.POLL_SECONDS", 0.001)
 
     def interrupt(self: checkpoint.Saver) -> None:
-        if self.rendering.samples >= 2:
+        if self.rendering.accumulator.counts.min() >= 2:
             os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr(checkpoint.Saver, "write_if_due", interrupt)

@@ -419,6 +419,7 @@ def _is_colour(channel: str, film: Film) -> bool:
     return channel in film.names or (letter in ("R", "G", "B", "A") and layer != VARIANCE)
 
 
+@names_checked
 def check_exact(target: Target, layers: Collection[str], film: Film, *, half: bool, compression: str) -> None:
     """Raises ImageError if an EXR file cannot hold the numbers of these layers, ids and mattes, exactly."""
     if compression not in COMPRESSIONS:
