@@ -121,6 +121,14 @@ def test_noisy_parts_get_more_samples(scene: lajolla.Scene) -> None:
     assert counts[:8].mean() < 0.5 * counts.mean()  # the background
 
 
+@pytest.mark.parametrize("size", [(1, 1), (17, 33), (9, 1), (33, 33)])
+def test_cells_may_have_a_single_pixel(size: tuple[int, int]) -> None:
+    """One of its halves is then empty."""
+    for noise in (None, 0.1):
+        rendering = finished(lajolla.load_dict(SCENE, size=size), spp=100, adaptive=True, noise=noise)
+        assert 16 <= rendering.samples <= 100
+
+
 def test_the_numbers_of_samples_are_a_layer() -> None:
     rendering = finished(lajolla.load_dict(SCENE, aovs=["samples"]), spp=64, adaptive=True)
     layer = rendering.image().channels["samples.C"]

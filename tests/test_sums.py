@@ -97,7 +97,8 @@ def test_arrays_of_other_shapes_are_refused(digits: tuple[int, ...], places: tup
 
 def test_sums_of_other_pictures_are_refused() -> None:
     sums = _core.Sums(np.zeros((2, 3, 4, 2), np.int64), np.zeros((2, 3, 4), np.int8))
-    for rows, width, channels, first in ((1, 2, 4, 0), (1, 3, 3, 0), (2, 3, 4, 1), (1, 3, 4, 2)):
+    others = ((1, 2, 4, 0), (1, 3, 3, 0), (2, 3, 4, 1), (1, 3, 4, 2), (1, 3, 4, 2**64 - 1))
+    for rows, width, channels, first in others:
         other = _core.Sums(
             np.zeros((rows, width, channels, 2), np.int64), np.zeros((rows, width, channels), np.int8)
         )

@@ -61,7 +61,8 @@ nb::object places_of(const PixelSums &self) {
 }
 
 void add_sums(PixelSums &self, std::size_t first_row, const PixelSums &other) {
-    if (other.width != self.width || other.channels != self.channels || first_row + other.rows > self.rows)
+    if (other.width != self.width || other.channels != self.channels || first_row > self.rows ||
+        other.rows > self.rows - first_row)
         throw std::invalid_argument("the sums are of a picture of another size");
     self.sums.add(first_row * self.width * self.channels, other.sums, 0, other.sums.size());
 }

@@ -1,5 +1,8 @@
 #include "transport/channels.h"
 
+#include <algorithm>
+#include <limits>
+
 #include "transport/coverage.h"
 
 namespace lajolla {
@@ -42,7 +45,9 @@ std::span<const float> ChannelRecorder::record(const Scene &scene, const Sampler
         const float value = channel.recorded == Recorded::alpha
                                 ? alpha(scene, integrator(channel), sampler, primary, tracer)
                                 : colour_value(channel, groups);
-        values_[i] = !channel.squared ? value : sqr(value) * (channel.weighted ? weight : 1);
+        // A square that a float cannot hold must not make the sample count as black.
+        const float square = std::min(sqr(value), std::numeric_limits<float>::max() / 16);
+        values_[i] = !channel.squared ? value : square * (channel.weighted ? weight : 1);
     }
     return values_;
 }

@@ -37,8 +37,8 @@ public:
         add(id, value, weight, recorder_.record(scene_, sampler, primary, value, groups, weight, tracer_));
     }
     void add(const SampleId &id, const Spectrum &value, float weight, std::span<const float> rest = {}) {
-        if (!is_finite(value) || !std::ranges::all_of(rest, [](float v) { return std::isfinite(v); }))
-            [[unlikely]] {
+        const auto holds = [&](float v) { return std::isfinite(v * weight); };
+        if (!is_finite(value * weight) || !std::ranges::all_of(rest, holds)) [[unlikely]] {
             ++report_.nonfinite;
             if (report_.nonfinite_samples.size() < Report::kept_samples)
                 report_.nonfinite_samples.push_back(id);

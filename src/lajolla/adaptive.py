@@ -12,7 +12,8 @@ points less.
 To decide by the samples that are averaged causes bias: a pixel whose first samples are too dark seems to have
 little noise, gets no more samples, and stays too dark (Kirk and Arvo 1991, "Unbiased Sampling Techniques for
 Image Synthesis"). Therefore the errors of the black halves decide about the white ones and the reverse, as
-the samples of different pixels are independent.
+the samples of different pixels are independent. What is left is an effect of second order: both halves share
+what may be spent. It vanishes with the number of cells; pictures of a few cells are not free of it.
 """
 
 from typing import Any
@@ -113,7 +114,8 @@ class ErrorEstimate:
         gain = _smoothed(errors[..., ::-1], pixels[..., ::-1]) / counts
         order = np.argsort(-gain, axis=None, kind="stable")
         high = gain.flat[order[np.searchsorted(np.cumsum(cost.flat[order]), 0.05 * cost.sum())]]
-        chosen = (gain >= high / SPREAD) | (counts * MOST_RATIO < counts.max())
+        chosen = (gain >= high / SPREAD) | (counts < counts.max() // MOST_RATIO)
+        chosen &= pixels > 0
         order = order[chosen.flat[order]]
         taken = np.cumsum(cost.flat[order]) <= most * pixels.sum() - cost.sum()
         if noise is not None:  # a doubling halves the squared error at least

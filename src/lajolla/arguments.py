@@ -66,7 +66,7 @@ relative MSE, which is the mean of (A - B)^2 / (B^2 + 0.01).""",
     "merge": """\
 examples:
   lajolla render scene.xml --spp 512 --checkpoint a.ckpt
-  lajolla render scene.xml --spp 512 --first-sample 512 --checkpoint b.ckpt     on another machine
+  lajolla render scene.xml --spp 512 --first-sample 512 --checkpoint b.ckpt     on a similar machine
   lajolla merge a.ckpt b.ckpt -o scene.exr                1024 samples per pixel""",
     "list": """\
 examples:
@@ -149,10 +149,20 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
         parser.error("a scene from standard input has no name for its picture: name it with -o")
     if arguments.checkpoint is None:
         arguments.checkpoint = arguments.resume
-    if arguments.denoise and arguments.pixel is not None:
-        parser.error("--denoise cannot be combined with --pixel")
+    if arguments.every is not None and arguments.checkpoint is None:
+        parser.error("--every needs --checkpoint or --resume")
+    if "-" in (str(arguments.checkpoint), str(arguments.resume)):
+        parser.error("a checkpoint needs a file")
+    if arguments.pixel is not None:
+        _refuse_with_pixel(arguments, parser)
     if "-" in outputs and is_standard_output(arguments.stats):
         parser.error("the picture and --stats cannot both go to standard output")
+
+
+def _refuse_with_pixel(arguments: argparse.Namespace, parser: Parser) -> None:
+    for name in ("denoise", "checkpoint", "time", "noise", "adaptive", "first_sample", "cluster"):
+        if getattr(arguments, name):
+            parser.error(f"--{name.replace('_', '-')} cannot be combined with --pixel")
 
 
 def prints_results(arguments: argparse.Namespace) -> bool:
@@ -193,7 +203,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
         "check": ("open a scene; print statistics and warnings", _add_check),
         "convert": ("write a scene as a file for Mitsuba 3", _add_convert),
         "compare": ("measure the difference between two pictures", _add_compare),
-        "merge": ("add checkpoints of one picture, of disjoint samples", _add_merge),
+        "merge": ("merge checkpoints of one picture that hold different samples", _add_merge),
         "list": ("show the plugins and their parameters", _add_list),
         "completion": ("print a script that completes commands and options in a shell", _add_completion),
     }
@@ -309,20 +319,20 @@ def _add_render(parser: Parser) -> None:
     )
     group = parser.add_argument_group("checkpoints (docs/rendering.md)")
     group.add_argument(
-        "--checkpoint", type=Path, metavar="FILE", help="file for the samples so far, written again and again"
+        "--checkpoint", type=Path, metavar="FILE", help="file for the samples so far, written every minute"
     )
     group.add_argument(
-        "--every", type=_seconds, default=60.0, metavar="TIME", help="how often (default: 60s)"
+        "--every", type=_seconds, metavar="TIME", help="time between two writes (default: 60s)"
     )
     group.add_argument(
-        "--resume", type=Path, metavar="FILE", help="go on where this checkpoint ends, and write it again"
+        "--resume", type=Path, metavar="FILE", help="continue this checkpoint, and keep updating it"
     )
     group.add_argument(
         "--first-sample",
         type=_whole("sample"),
         default=0,
         metavar="N",
-        help="begin with this sample of each pixel, to render one picture in parts, for `lajolla merge`",
+        help="number of the first sample of each pixel, to render a picture in parts for lajolla merge",
     )
     group = _add_run(parser)
     group.add_argument(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import time
 import zipfile
 import zlib
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from lajolla import _core, processor
 from lajolla.adaptive import Counts, Halves
-from lajolla.aovs import object_layers
+from lajolla.aovs import VARIANCE, object_layers
 from lajolla.film import Film
 from lajolla.identity import differences, sections
 from lajolla.image import Image
@@ -61,7 +62,7 @@ class Checkpoint:
     """The samples of a render.
 
     `ranges` are those of each pixel: (first, end). If pixels have different numbers of samples, there is one
-    range of the largest number, and `counts` has the numbers of all halves of tiles.
+    range of the largest number, and `counts` has the numbers of all halves of cells.
     """
 
     identity: dict[str, Any]
@@ -157,7 +158,7 @@ def read(path: Path) -> Checkpoint:
     except OSError as error:
         raise CheckpointError(f"{path}: cannot be read: {error.strerror or error}") from None
     except DAMAGES as error:
-        raise CheckpointError(f"{path}: is no checkpoint, or is damaged") from error
+        raise CheckpointError(f"{path}: is not a checkpoint, or is damaged") from error
 
 
 def _check_sizes(path: Path) -> None:
@@ -172,41 +173,64 @@ def _check_sizes(path: Path) -> None:
 def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoint:
     """The checkpoint of what a file holds; raises one of DAMAGES if parts do not fit each other."""
     width, height = (_whole(facts[name], 1, LARGEST) for name in ("width", "height"))
-    offset = tuple(_whole(number, 0, LARGEST) for number in facts["offset"])
-    halves = Halves(width, height, (offset[0], offset[1]))
-    values = (height, width, 3 + len(facts["channels"]))
-    digits = _shaped(arrays.pop("digits"), np.int64, (*values, 2))
-    sums = _core.Sums(digits, _shaped(arrays.pop("places"), np.int8, values))
+    x, y = (_whole(number, 0, LARGEST) for number in facts["offset"])
+    channels, aovs = ([str(label) for label in facts[name]] for name in ("channels", "aovs"))
+    values = (height, width, 3 + len(channels))
+    digits = _shaped(arrays.pop("digits"), np.int64, (*values, 2))  # before anything of this size is made
+    places = _shaped(arrays.pop("places"), np.int8, values)
+    halves = Halves(width, height, (x, y))
     counts = _shaped(arrays.pop("counts"), np.uint32, halves.shape)
     ranges = [
-        (_whole(first, 0, MOST_SAMPLES), _whole(end, 0, MOST_SAMPLES)) for first, end in facts["ranges"]
+        (_whole(first, 0, MOST_SAMPLES), _whole(end, 1, MOST_SAMPLES)) for first, end in facts["ranges"]
     ]
-    if not ranges:
-        raise ValueError("no samples")
-    shapes: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
-        "changes": (np.float64, halves.shape),
-        "changes_before": (np.float64, halves.shape),
-        "measured_counts": (np.uint32, halves.shape),
-        "measured_picture": (np.float32, (height, width, 3)),
-        "round": (np.uint32, halves.shape),
-    }
+    if sorted(ranges) != ranges or any(a[1] > b[0] for a, b in itertools.pairwise(ranges)):
+        raise ValueError("ranges overlap")
+    if not 0 < sum(end - first for first, end in ranges) == counts.max():
+        raise ValueError("other numbers of samples")
+    if digits.max() >= 2**62 or digits.min() <= -(2**62):
+        raise ValueError("sums are too large")
+    if VARIANCE in aovs and not {f"{VARIANCE}.{letter}" for letter in "RGB"} <= set(channels):
+        raise ValueError("a channel is missing")
     return Checkpoint(
         identity=dict(facts["identity"]),
         width=width,
         height=height,
-        offset=(offset[0], offset[1]),
-        channels=[str(label) for label in facts["channels"]],
+        offset=(x, y),
+        channels=channels,
         film=Film(**facts["film"]),
-        aovs=[str(aov) for aov in facts["aovs"]],
+        aovs=aovs,
         ranges=ranges,
-        seconds=float(facts["seconds"]),
+        seconds=_seconds(facts["seconds"]),
         rays=_whole(facts["rays"], 0, 2**63),
         nonfinite=_whole(facts["nonfinite"], 0, 2**63),
-        nonfinite_list=[(int(x), int(y), int(sample)) for x, y, sample in facts["nonfinite_list"]],
-        sums=sums,
+        nonfinite_list=[
+            (_whole(x, 0, LARGEST), _whole(y, 0, LARGEST), _whole(sample, 0, MOST_SAMPLES))
+            for x, y, sample in facts["nonfinite_list"]
+        ],
+        sums=_core.Sums(digits, places),
         counts=counts,
-        rounds={name: _shaped(array, *shapes[name]) for name, array in arrays.items()},
+        rounds=_checked_rounds(arrays, halves),
     )
+
+
+def _checked_rounds(arrays: dict[str, NDArray[Any]], halves: Halves) -> dict[str, NDArray[Any]]:
+    """The state of rounds: all of it, or none."""
+    shapes: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+        "changes": (np.float64, halves.shape),
+        "changes_before": (np.float64, halves.shape),
+        "measured_counts": (np.uint32, halves.shape),
+        "measured_picture": (np.float32, (*halves.of_pixels.shape, 3)),
+        "round": (np.uint32, halves.shape),
+    }
+    if arrays and not shapes.keys() - {"round"} <= arrays.keys():
+        raise ValueError("an array is missing")
+    return {name: _shaped(array, *shapes[name]) for name, array in arrays.items()}
+
+
+def _seconds(value: object) -> float:
+    if not isinstance(value, int | float) or not 0 <= value < math.inf:
+        raise ValueError("out of range")
+    return float(value)
 
 
 def _whole(value: object, least: int, most: int) -> int:
@@ -221,8 +245,8 @@ def _shaped(array: NDArray[Any], kind: type[np.generic], shape: tuple[int, ...])
     return array
 
 
-def resume(rendering: Rendering, path: Path) -> None:
-    """Lets a render go on where a checkpoint ends.
+def resume(rendering: Rendering, path: Path) -> Rendering:
+    """Lets a render continue where a checkpoint ends, and returns it.
 
     Raises:
         CheckpointError: it is of another render, and the message says what differs.
@@ -241,6 +265,7 @@ def resume(rendering: Rendering, path: Path) -> None:
         rendering.estimate.counts = saved.rounds["measured_counts"]
         rendering.estimate.picture = saved.rounds["measured_picture"]
         rendering.round = saved.rounds.get("round")
+    return rendering
 
 
 def merged(files: Mapping[Path, Checkpoint]) -> Checkpoint:

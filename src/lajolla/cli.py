@@ -45,6 +45,7 @@ TYPE_CHECKING = False  # as in `lajolla`
 if TYPE_CHECKING:
     from lajolla.colour import FloatImage
 
+SAVING_SECONDS = 60.0  # between two checkpoints
 LEAST_MEMORY = (
     384 << 20
 )  # of addresses: the libraries take most of it when they are loaded, and abort without
@@ -185,6 +186,7 @@ def command_render(arguments: argparse.Namespace) -> int:
 def _checked_outputs(scene: lajolla.Scene, arguments: argparse.Namespace) -> list[lajolla.outputs.Output]:
     """The pictures to be written; raises ImageError if one of them cannot be written."""
     outputs = lajolla.outputs.outputs_of(arguments, scene.film)
+    lajolla.outputs.check_distinct(arguments, outputs)
     for output in outputs:
         output.check()
         output.check_space(scene, layers=9 if arguments.denoise else 0)
@@ -204,11 +206,11 @@ def _run_and_save(
 ) -> int:
     """Renders, and saves what there is at the end, after an interrupt, or after the loss of a cluster."""
     file = arguments.checkpoint
-    saver = lajolla.checkpoint.Saver(rendering, file, arguments.every) if file else None
+    saver = lajolla.checkpoint.Saver(rendering, file, arguments.every or SAVING_SECONDS) if file else None
     displayed = partial(progress_display, pixels=scene.width * scene.height, quiet=arguments.quiet)
     patience = Patience("the picture")
     features = None
-    failure: lajolla.ClusterError | None = None
+    failure: Exception | None = None
     with handled_by(patience):
         try:
             with suppress(Interrupt), _warnings_printed():
@@ -219,7 +221,7 @@ def _run_and_save(
                         )
                 with displayed() as observe:
                     rendering.run(patience.stopping(_saving(saver, observe)))
-        except lajolla.ClusterError as error:
+        except Exception as error:  # whatever it is, the samples so far are saved
             failure = error
         problem = failure or patience.interrupt
         if rendering.samples == 0 and problem is not None:
@@ -227,9 +229,8 @@ def _run_and_save(
         patience.save(_save, outputs, scene, rendering, features, arguments, saver)
     written = f"wrote {', '.join(map(str, outputs))} ({_summary(scene, rendering)})"
     if failure is not None:
-        say(f"error: {failure}")
         say(written)
-        return 1
+        raise failure
     if patience.interrupt is not None:
         say(f"interrupted; {written}")
         return patience.interrupt.exit_code
@@ -269,16 +270,19 @@ def _save(
     saver: lajolla.checkpoint.Saver | None,
 ) -> None:
     """Writes all outputs of a render, denoised if there are features."""
-    picture, failure = rendering.image(), None
+    failure: lajolla.ImageError | lajolla.DenoiseError | None = None
+    if saver is not None:  # first, as nothing can be computed again without it
+        try:
+            saver.write()
+        except lajolla.ImageError as problem:
+            failure = problem
+    picture = rendering.image()
     if features is not None:
         try:
             picture = picture.denoise(features, threads=arguments.threads)
         except lajolla.DenoiseError as problem:
             failure = lajolla.DenoiseError(f"{problem}; the picture was saved as rendered")
-    with ExitStack() as last:
-        if saver is not None:
-            last.callback(saver.write)  # even if a picture cannot be written
-        lajolla.outputs.write_pictures(outputs, picture, arguments)
+    lajolla.outputs.write_pictures(outputs, picture, arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         stats = lajolla.outputs.statistics(scene, rendering)
@@ -322,7 +326,7 @@ def _summary(scene: lajolla.Scene, rendering: lajolla.Rendering) -> str:
 
 def _report_nonfinite(rendering: lajolla.Rendering, arguments: argparse.Namespace) -> None:
     count = rendering.accumulator.nonfinite
-    if count == 0:
+    if count == 0 or not rendering.accumulator.nonfinite_list:
         return
     x, y, sample = rendering.accumulator.nonfinite_list[0]
     say(f"warning: {count} sample{'s were' if count > 1 else ' was'} not finite and count as black")
@@ -332,9 +336,10 @@ def _report_nonfinite(rendering: lajolla.Rendering, arguments: argparse.Namespac
 def command_merge(arguments: argparse.Namespace) -> int:
     outputs = lajolla.outputs.outputs_of(arguments)
     lajolla.outputs.check(arguments)
-    for output in outputs:
-        output.check()
-    files = {path: lajolla.checkpoint.read(path) for path in dict.fromkeys(arguments.files)}
+    lajolla.outputs.check_distinct(arguments, outputs)
+    if len(set(arguments.files)) < len(arguments.files):
+        raise UsageError("a checkpoint is named twice")
+    files = {path: lajolla.checkpoint.read(path) for path in arguments.files}
     result = lajolla.checkpoint.merged(files)
     if result.left_out:
         say(f"warning: {', '.join(result.left_out)} left out, which only a render of the scene can compute")

@@ -109,6 +109,7 @@ class Scene:
             seconds=math.inf if seconds is None else seconds,
             noise=0.0 if noise is None else noise,
             adaptive=noise is not None if adaptive is None else adaptive,
+            most=MOST_SAMPLES - first_sample,
         )
         seed = self.core.seed if seed is None else seed
         if cluster is not None:

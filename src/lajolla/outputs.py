@@ -23,7 +23,7 @@ from lajolla.loading import Scene
 from lajolla.picture_files import ImageError, ImageWarning
 from lajolla.picture_formats import ENDINGS, HOLD_CHANNELS, ending_of
 from lajolla.render import Rendering
-from lajolla.whole_files import Target, check_folder, replacing
+from lajolla.whole_files import Target, check_folder, is_device, replacing
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,30 @@ def check(arguments: argparse.Namespace) -> None:
         check_folder(arguments.stats)
     if arguments.checkpoint is not None:
         check_folder(arguments.checkpoint)
-        if arguments.checkpoint != arguments.resume and os.path.lexists(arguments.checkpoint):
-            raise ImageError(f"{arguments.checkpoint}: exists; go on with it by --resume, or remove it")
+        resumed = arguments.resume is not None and _same(arguments.checkpoint, arguments.resume)
+        if not resumed and os.path.lexists(arguments.checkpoint):
+            raise ImageError(
+                f"{arguments.checkpoint}: already exists; continue it with --resume, or delete it"
+            )
+
+
+def check_distinct(arguments: argparse.Namespace, outputs: Sequence[Output]) -> None:
+    """Raises ImageError if two files to be written, or one of them and a file that is read, are the same."""
+    named = [output.path for output in outputs]
+    named += [path for path in (arguments.stats, arguments.checkpoint) if path is not None]
+    read = [arguments.scene] if arguments.command == "render" else arguments.files
+    if arguments.resume is not None and not _same(arguments.resume, arguments.checkpoint):
+        read = [*read, arguments.resume]
+    for index, path in enumerate(named):
+        if str(path) in STREAMS or is_device(path):
+            continue
+        for other in (*named[:index], *read):
+            if _same(path, other):
+                raise ImageError(f"{path}: is named for two files; name another one")
+
+
+def _same(a: Path, b: Path) -> bool:
+    return os.path.realpath(a) == os.path.realpath(b)
 
 
 def write_pictures(outputs: Sequence[Output], picture: Image, arguments: argparse.Namespace) -> None:

@@ -39,6 +39,7 @@ class StopRules:
     seconds: float = math.inf  # of rendering, without loading the scene and saving the picture
     noise: float = 0.0  # estimated relative error, as in ErrorEstimate
     adaptive: bool = False  # take more samples where the error is larger
+    most: int = MOST_SAMPLES  # samples per pixel that there are
 
     def __post_init__(self) -> None:
         if not self.seconds > 0:
@@ -49,7 +50,7 @@ class StopRules:
     @property
     def most_samples(self) -> int:
         """Samples per pixel that must not be exceeded."""
-        return MOST_SAMPLES if self.spp is None else self.spp
+        return self.most if self.spp is None else self.spp
 
     @property
     def in_rounds(self) -> bool:
