@@ -171,8 +171,8 @@ Float exp(Float x) {
 // Of 0 minus infinity, of what is negative NaN; denormal numbers count as zero.
 template <class Float>
 Float log(Float x) {
-    const auto raw = as_int(x);
-    const auto shifted = raw - 0x3f3504f3; // the bits of sqrt(1/2), so that the mantissa lies around 1
+    const auto raw = as_int(x) & 0x7fffffff; // without the sign, as the difference must not overflow
+    const auto shifted = raw - 0x3f3504f3;   // the bits of sqrt(1/2), so that the mantissa lies around 1
     const Float e = to_float(shifted >> 23);
     const Float f = as_float((shifted & 0x007fffff) + 0x3f3504f3) - 1;
     const Float z = f * f;
