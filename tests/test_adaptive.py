@@ -121,6 +121,13 @@ def test_noisy_parts_get_more_samples(scene: lajolla.Scene) -> None:
     assert counts[:8].mean() < 0.5 * counts.mean()  # the background
 
 
+@pytest.mark.parametrize("offset", [(0, 0), (1, 0), (3, 2)])
+@pytest.mark.parametrize("size", [(1, 1), (17, 33), (8, 9), (35, 20)])
+def test_the_sizes_of_halves(size: tuple[int, int], offset: tuple[int, int]) -> None:
+    halves = Halves(*size, offset)
+    np.testing.assert_array_equal(halves.pixels, halves.sums(np.ones(size[::-1])))
+
+
 @pytest.mark.parametrize("size", [(1, 1), (17, 33), (9, 1), (33, 33)])
 def test_cells_may_have_a_single_pixel(size: tuple[int, int]) -> None:
     """One of its halves is then empty."""

@@ -16,6 +16,7 @@ the samples of different pixels are independent. What is left is an effect of se
 what may be spent. It vanishes with the number of cells; pictures of a few cells are not free of it.
 """
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,11 +39,19 @@ class Halves:
 
     def __init__(self, width: int, height: int, offset: tuple[int, int]) -> None:
         self.offset = offset
-        y, x = np.indices((height, width))
-        self.shape = (-(-height // CELL_SIZE), -(-width // CELL_SIZE), 2)
+        self.size = height, width
+        rows, columns = _by_parity(height), _by_parity(width)
+        first, second = rows @ columns.T, rows[:, ::-1] @ columns.T  # where x + y is even, and odd
+        order = (second, first) if sum(offset) % 2 else (first, second)
+        self.pixels = np.stack(order, axis=2)  # how many each half has: zero is possible
+        self.shape = self.pixels.shape
+
+    @cached_property
+    def of_pixels(self) -> NDArray[np.int64]:
+        """The number of each pixel's half: (height, width). Few renders need it, and it takes much memory."""
+        y, x = np.indices(self.size)
         cells = y // CELL_SIZE * self.shape[1] + x // CELL_SIZE
-        self.of_pixels = 2 * cells + (x + y + sum(offset)) % 2  # (height, width), numbers of halves
-        self.pixels = self.sums(np.ones((height, width)))  # how many each half has: zero is possible
+        return 2 * cells + (x + y + sum(self.offset)) % 2
 
     def sums(self, values: NDArray[np.floating]) -> NDArray[np.float64]:
         """Sums over the pixels of each half; values (height, width)."""
@@ -53,6 +62,14 @@ class Halves:
     def mean(self, values: NDArray[np.floating] | Counts) -> float:
         """The mean of all pixels, of values that are equal within a half."""
         return float((values * self.pixels).sum() / self.pixels.sum())
+
+
+def _by_parity(length: int) -> NDArray[np.float64]:
+    """The numbers of even and of odd positions in each cell along an axis: (cells, 2)."""
+    positions = np.arange(length)
+    cells = -(-length // CELL_SIZE)
+    counts = np.bincount(2 * (positions // CELL_SIZE) + positions % 2, minlength=2 * cells)
+    return counts.reshape(cells, 2).astype(np.float64)
 
 
 class ErrorEstimate:
@@ -68,7 +85,7 @@ class ErrorEstimate:
         self.changes = np.full(halves.shape, np.inf)  # squared relative changes of the last doublings
         self.changes_before = np.full(halves.shape, np.inf)  # and of those before
         self.counts = np.zeros(halves.shape, np.uint32)  # samples after the last doublings
-        self.picture = np.zeros((*halves.of_pixels.shape, 3), np.float32)  # of these samples
+        self.picture = np.zeros((*halves.size, 3), np.float32)  # of these samples
 
     @property
     def errors(self) -> NDArray[np.float64]:

@@ -39,12 +39,9 @@ class CheckpointError(ImageError):
 
 
 def identity(rendering: Rendering) -> dict[str, Any]:
-    """What must be equal for samples to belong to one picture, in plain numbers and texts.
-
-    This takes a second for a gigabyte of meshes and textures.
-    """
+    """What must be equal for samples to belong to one picture, in plain numbers and texts."""
     scene = rendering.description
-    height, width = rendering.halves.of_pixels.shape
+    height, width = rendering.halves.size
     film = {name: value for name, value in scene["film"].items() if not name.startswith("crop_")}
     own = {
         "film": {**film, "window": [*rendering.halves.offset, width, height]},
@@ -122,7 +119,7 @@ def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Che
         }
         if rendering.round is not None:
             rounds["round"] = rendering.round
-    height, width = rendering.halves.of_pixels.shape
+    height, width = rendering.halves.size
     first = rendering.first_sample
     return Checkpoint(
         identity=own or identity(rendering),
@@ -219,7 +216,7 @@ def _checked_rounds(arrays: dict[str, NDArray[Any]], halves: Halves) -> dict[str
         "changes": (np.float64, halves.shape),
         "changes_before": (np.float64, halves.shape),
         "measured_counts": (np.uint32, halves.shape),
-        "measured_picture": (np.float32, (*halves.of_pixels.shape, 3)),
+        "measured_picture": (np.float32, (*halves.size, 3)),
         "round": (np.uint32, halves.shape),
     }
     if arrays and not shapes.keys() - {"round"} <= arrays.keys():

@@ -154,7 +154,7 @@ class ClusterRendering(Rendering):
         yield counts
 
     def _distribute(self, target: Counts, pool: Pool, observe: Callable[[Progress], None]) -> None:
-        """One pass: until the halves of tiles have these numbers of samples, or no time is left."""
+        """One pass: until the halves of cells have these numbers of samples, or no time is left."""
         plan = Plan(self.halves, self.accumulator.counts, target)
         noise = self.noise
         while not plan.finished:

@@ -154,7 +154,7 @@ class Rendering:
     def _advance(
         self, counts: Counts, worker: ThreadPoolExecutor, observe: Callable[[Progress], None]
     ) -> None:
-        """One pass: renders until the halves of tiles have these numbers of samples."""
+        """One pass: renders until the halves of cells have these numbers of samples."""
         before = self.samples
         after = self.halves.mean(np.maximum(counts, self.accumulator.counts))
         start = time.perf_counter() - self.seconds
