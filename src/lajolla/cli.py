@@ -204,7 +204,7 @@ def _run_and_save(
     rendering: lajolla.Rendering,
     arguments: argparse.Namespace,
 ) -> int:
-    """Renders, and saves what there is at the end, after an interrupt, or after the loss of a cluster."""
+    """Renders, and saves what there is at the end, after an interrupt, or after an error."""
     file = arguments.checkpoint
     saver = lajolla.checkpoint.Saver(rendering, file, arguments.every or SAVING_SECONDS) if file else None
     displayed = partial(progress_display, pixels=scene.width * scene.height, quiet=arguments.quiet)
@@ -270,25 +270,29 @@ def _save(
     saver: lajolla.checkpoint.Saver | None,
 ) -> None:
     """Writes all outputs of a render, denoised if there are features."""
-    failure: lajolla.ImageError | lajolla.DenoiseError | None = None
+    failures: list[Exception] = []
     if saver is not None:  # first, as nothing can be computed again without it
         try:
             saver.write()
         except lajolla.ImageError as problem:
-            failure = problem
+            failures.append(problem)
     picture = rendering.image()
-    if features is not None:
+    if features is None and arguments.denoise:
+        say("warning: the picture is not denoised, because its features were not finished")
+    elif features is not None:
         try:
             picture = picture.denoise(features, threads=arguments.threads)
         except lajolla.DenoiseError as problem:
-            failure = lajolla.DenoiseError(f"{problem}; the picture was saved as rendered")
+            failures.append(lajolla.DenoiseError(f"{problem}; the picture was saved as rendered"))
     lajolla.outputs.write_pictures(outputs, picture, arguments)
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         stats = lajolla.outputs.statistics(scene, rendering)
         lajolla.outputs.write_statistics(arguments.stats, stats)
-    if failure is not None:
-        raise failure
+    for failure in failures[:-1]:
+        say(f"error: {failure}")
+    if failures:
+        raise failures[-1]
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
