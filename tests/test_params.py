@@ -1,4 +1,4 @@
-"""Parameters of loaded scenes: changes give the bits of a scene that was built with them, and share the rest."""
+"""Parameters of loaded scenes: changes give the bits of a scene that was built with them."""
 
 from __future__ import annotations
 

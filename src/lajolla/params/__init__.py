@@ -181,7 +181,7 @@ class Params(Mapping[str, Any]):
         return "mesh" in found.fields and param.startswith(ATTRIBUTES)
 
     def _params_of(self, found: SceneObject) -> Iterator[str]:
-        """The names of an object's parameters: fields, arrays of meshes, and references that are no fields."""
+        """The names of its parameters: fields, arrays of meshes, and references that are no fields."""
         for field in found.fields.values():
             if field.type == "mesh":
                 yield from mesh_names(self._entry(found)["mesh"])

@@ -79,7 +79,7 @@ class Lists:
         return int(self.firsts(where)[-1])
 
     def firsts(self, where: str) -> np.ndarray[Any, Any]:
-        """The indices of the first entry that each stored one represents (see `_core.Column`), and the end."""
+        """The index of the first entry that each stored one represents (see `_core.Column`), and the end."""
         if where not in self._firsts:
             counts = [rows_in(entry) for entry in self.core.get(where, ())]
             self._firsts[where] = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
