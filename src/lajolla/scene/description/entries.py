@@ -8,7 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, overload
 
-from ..syntax.errors import Location
+from lajolla.film import Film
+
+from ..syntax.errors import Location, SceneError, SceneWarning
 from ..syntax.members import Run
 from ..syntax.nodes import Node
 
@@ -86,6 +88,17 @@ class Objects:
             self.ids[where] = name
         if node.plugin and node.plugin != entry.get("type"):
             self.plugins[where] = node.plugin
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera of a scene: the entries of the description that belong to it ("sensor", "film", "rfilter" and
+    "sampler"), how its picture is written, and warnings about it, or the problem if it cannot be used."""
+
+    entries: Entry
+    film: Film
+    warnings: Sequence[SceneWarning] = ()
+    problem: SceneError | None = None
 
 
 class Places(dict[str, Location]):
