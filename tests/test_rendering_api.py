@@ -71,7 +71,9 @@ def test_unknown_sensors_are_refused() -> None:
 def test_variables_are_chosen_for_each_render() -> None:
     scene = loaded(ROOM)
     arrays = scene.render(spp=2, aovs=["depth", "albedo", "shape", "alpha", "crypto_material"]).arrays()
-    wanted = loaded(ROOM, aovs=["depth", "albedo", "shape", "alpha", "crypto_material"]).render(spp=2).arrays()
+    wanted = (
+        loaded(ROOM, aovs=["depth", "albedo", "shape", "alpha", "crypto_material"]).render(spp=2).arrays()
+    )
     assert arrays.keys() == wanted.keys()
     for name, values in wanted.items():
         assert np.array_equal(arrays[name], values), name
@@ -241,8 +243,11 @@ def test_look_at_in_dicts() -> None:
 
 
 def test_environment_maps_and_grids_from_arrays() -> None:
-    panorama = np.zeros((4, 8, 3), np.float32) + [0.2, 0.4, 0.6]
-    smoke = {"type": "heterogeneous", "sigma_t": {"type": "gridvolume", "grid": np.ones((2, 3, 4), np.float32)}}
+    panorama = np.broadcast_to(np.float32([0.2, 0.4, 0.6]), (4, 8, 3))
+    smoke = {
+        "type": "heterogeneous",
+        "sigma_t": {"type": "gridvolume", "grid": np.ones((2, 3, 4), np.float32)},
+    }
     scene = loaded(
         {
             **{key: ROOM[key] for key in ("type", "camera")},

@@ -6,7 +6,7 @@ import asyncio
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -150,7 +150,7 @@ class Scene:
         for warning in view.warnings:
             warn(warning)
         entries = apply_to_view(view.entries, self.options)
-        own = View({key: self.description.core[key] for key in entries}, self.film)
+        own = self._own_view(entries)
         views = {
             **{other: v for other, v in self.description.views.items() if other != name},
             self.sensor: own,
@@ -158,9 +158,18 @@ class Scene:
         changed = self.core.with_changes(entries)
         assert changed is not None  # the scene stays where it is
         result = self._copy(changed, {**self.description.core, **entries})
-        result.description = replace(result.description, views=views)
+        objects = self.description.objects.with_plugins(entries, view.plugins)
+        result.description = replace(result.description, views=views, objects=objects)
+        result._places = self._places.with_places(view.places)
         result.film = view.film
         return result._with_alpha() if view.film.has_alpha or ALPHA in self.aovs else result
+
+    def _own_view(self, names: Iterable[str]) -> View:
+        """That of the sensor in use, of these entries."""
+        known, core = self.description.objects.plugins, self.description.core
+        plugins = {name: known[name] for name in names if name in known}
+        places = {name: place for name in names if (place := self._places.find(name)) is not None}
+        return View({name: core[name] for name in names}, self.film, plugins, places)
 
     def _sensor_name(self, sensor: int | str) -> str:
         if sensor in self.sensors:

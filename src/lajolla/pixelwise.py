@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
+
 from lajolla.colour import FloatImage
 
 if TYPE_CHECKING:

@@ -103,9 +103,11 @@ def _other_views(builder: Builder, scene: Node, chosen: Node | None) -> Iterator
         strict = builder.diagnostics.strict
         alone = replace(builder, diagnostics=Diagnostics(strict), places=Places(), objects=Objects())
         try:
-            yield name, View(_view(alone, scene, sensor), alone.film, alone.diagnostics.warnings)
+            entries = _view(alone, scene, sensor)
+            warnings = alone.diagnostics.warnings
+            yield name, View(entries, alone.film, alone.objects.plugins, alone.places, warnings)
         except SceneError as problem:
-            yield name, View({}, builder.film, [], problem)
+            yield name, View({}, builder.film, problem=problem)
 
 
 def _default_filter(film: Node) -> str:
