@@ -107,7 +107,7 @@ def test_every_public_function_checks_its_options() -> None:
         if any(p.kind == p.VAR_KEYWORD for p in parameters):  # `load` and `load_dict`, as above
             continue
         optional = [p for p in parameters if p.kind == p.KEYWORD_ONLY or p.default is not p.empty]
-        own = ("image", "comparison", "loading", "render")
+        own = ("image", "comparison", "loaded_scene", "loading", "render")
         if optional and function.__module__.removeprefix("lajolla.") in own:
             with pytest.raises(TypeError, match="has no option 'nonsense'"):
                 function(nonsense=1)

@@ -210,6 +210,7 @@ class Scene:
         result.description = replace(self.description, core=description)
         return result
 
+    @names_checked
     def intersect(
         self,
         origins: ArrayLike,
@@ -235,6 +236,7 @@ class Scene:
         check("threads", threads)
         return intersections_of(self.core, self.names, origins, directions, max_distance, threads or 0)
 
+    @names_checked
     def occluded(
         self,
         origins: ArrayLike,
