@@ -36,6 +36,7 @@ from .schema import core_schema
 from .syntax.dict_reader import nodes_from_dict
 from .syntax.errors import Blame, Diagnostics, Location, SceneError, SceneWarning, Source, reason_of
 from .syntax.expand import UnknownParameter, expand_file
+from .syntax.ids import Member
 from .syntax.nodes import Node
 from .syntax.resolve import follow, resolve
 from .syntax.typed import Tree, member_of_run, nodes_from_elements
@@ -266,10 +267,21 @@ def _read(
 def _members(tree: Tree, builder: Builder, node: Node) -> Iterator[Node]:
     """The individual shapes of a run's node, as if there were no run."""
     for index in range(node.count):
-        member = member_of_run(node, index)
-        upgrade(member.nodes, builder.table, Diagnostics())  # the run's warnings were reported
-        follow(member, tree.ids)
-        yield next(child for _, child in member.root.children("shape"))
+        parsed = _parsed(builder, Member(node, index))
+        follow(parsed, tree.ids)
+        yield next(child for _, child in parsed.root.children("shape"))
+
+
+def _bsdf(builder: Builder, member: Member) -> Node:
+    """An individual BSDF of a run; it refers to nothing."""
+    return next(child for _, child in _parsed(builder, member).root.children("bsdf"))
+
+
+def _parsed(builder: Builder, member: Member) -> Tree:
+    """A tree of one object of a run, whose references are not followed yet."""
+    parsed = member_of_run(member.node, member.number)
+    upgrade(parsed.nodes, builder.table, Diagnostics())  # the run's warnings were reported
+    return parsed
 
 
 def _named(file: SceneFile) -> tuple[Path, bytes | None]:
@@ -288,7 +300,7 @@ def _opened(tree: Tree, builder: Builder) -> Tree:
     """Nodes with the names of Mitsuba 3, resolved references, and all cameras in the scene itself."""
     with Blame(tree.root.location), np.errstate(all="ignore"):  # the core checks for numbers
         upgrade(tree.nodes, builder.table, builder.diagnostics)
-        resolve(tree)
+        resolve(tree, partial(_bsdf, builder))
         cameras.spread(tree.root, builder.diagnostics)
     return tree
 
