@@ -165,9 +165,8 @@ std::vector<Report> render_tiles(const Scene &scene, const Output &output, const
             TileAccumulator accumulator(scene, output, tile, tracer, report);
             render(samples, tracer, accumulator);
             if (samples.left() > 0) return; // cancelled
-            report.rays = tracer.rays();
             reports[i] = report;
-            done(tile, accumulator.sums());
+            done(tile, accumulator.sums(), tracer.rays());
         });
     };
     match(output.integrator, [&](const auto &model) {
@@ -190,7 +189,6 @@ std::vector<Report> render_tiles(const Scene &scene, const Output &output, const
 Report merged(const std::vector<Report> &reports) {
     Report result;
     for (const Report &report : reports) {
-        result.rays += report.rays;
         result.nonfinite += report.nonfinite;
         for (const SampleId &id : report.nonfinite_samples)
             if (result.nonfinite_samples.size() < Report::kept_samples)
@@ -239,7 +237,7 @@ Recording record(const Scene &scene, const Output &output, const Job &job) {
     Progress progress;
     Recording recording;
     render_tiles(
-        scene, output, job, progress, [](const Tile &, const Sums &) {}, &recording);
+        scene, output, job, progress, [](const Tile &, const Sums &, std::uint64_t) {}, &recording);
     return recording;
 }
 

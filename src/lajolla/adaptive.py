@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from lajolla.colour import FloatImage
 from lajolla.limits import MOST_SAMPLES
 
-CELL_SIZE = 8  # as in the core
+CELL_SIZE = 8  # as in the core, in pixels
+TILE_SIZE = 2 * CELL_SIZE
 FIRST_COUNT = 8  # samples before the first round
 MOST_RATIO = 32  # between the sample counts of two halves, as an estimate may be far too small
 REDUCTIONS = (0.1, 0.5)  # limits of r
@@ -45,6 +46,7 @@ class Halves:
         order = (second, first) if sum(offset) % 2 else (first, second)
         self.pixels = np.stack(order, axis=2)  # how many each half has: zero is possible
         self.shape = self.pixels.shape
+        self.tiles = -(-height // TILE_SIZE), -(-width // TILE_SIZE)
 
     @cached_property
     def of_pixels(self) -> NDArray[np.int64]:

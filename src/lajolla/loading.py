@@ -48,8 +48,9 @@ class Scene:
             self.core = _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
-        # To build it again elsewhere, which needs no places of errors.
-        self.description = replace(description, core=core, places=Places())
+        # To build it again elsewhere, which needs neither places of errors nor the contents of files.
+        self.description = replace(description, core=core, places=Places(), files={})
+        self._files = description.files
         self.film = description.film.with_alpha() if ALPHA in options.aovs else description.film
         self.aovs = tuple(options.aovs)
         self.names = description.names  # of objects, if an aov needs them
@@ -257,6 +258,7 @@ def load(
     strict: bool = False,
     two_sided: bool = False,
     parameters: Mapping[str, object] | None = None,
+    reuse: Scene | None = None,
     **options: Any,  # noqa: ANN401
 ) -> Scene:
     """Opens a Mitsuba scene file.
@@ -270,6 +272,8 @@ def load(
         strict: makes unknown plugins and properties errors.
         two_sided: makes opaque surfaces reflect on both sides.
         parameters: values of the file's `$name` parameters.
+        reuse: a scene, such as the last frame of an animation: files that it has read are read again only if
+            they have changed.
         options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor,
             hide_emitters, aovs); other names are parameters that the file must have.
 
@@ -291,9 +295,10 @@ def load(
             integrator=own.integrator,
             sensor=own.sensor,
             named=needs_names(own.aovs),
+            known_files=reuse._files if reuse is not None else {},
         )
     except UnknownParameter as problem:
-        hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", *vars(own), *problem.known])
+        hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", "reuse", *vars(own), *problem.known])
         what = f"load() has no option {problem.name!r}, nor has the scene such a parameter"
         raise TypeError(what + hint) from None
     return _warned(Scene(description, own, time.perf_counter() - start))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import gc
 import os
 import re
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -26,7 +26,7 @@ from lajolla.film import Film
 
 from .description import cameras
 from .description.assemble import assemble
-from .description.builder import Builder, plugins_by_kind
+from .description.builder import Builder, FileContent, plugins_by_kind
 from .description.entries import Places
 from .description.names import Names, Numbered
 from .description.plugins import READER_PLUGINS
@@ -63,6 +63,7 @@ __all__ = [
 
 SceneFile: TypeAlias = str | os.PathLike[str] | BinaryIO
 NO_PARAMETERS: Mapping[str, str] = MappingProxyType({})
+NOTHING_KNOWN: Mapping[Hashable, FileContent] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,7 @@ class Description:
     sensors: tuple[str, ...] = ()  # the ids, or else numbers, of all that there are
     names: Names | None = None  # of objects, if they were wanted
     light_groups: tuple[str, ...] = ()  # names of the numbers from 1 on that emitters have as "lightgroup"
+    files: Mapping[Hashable, FileContent] = field(default_factory=dict)  # that were read
 
     def refusal(self, problem: Exception) -> SceneError:
         """The error to raise when the core refuses the description: the core's message at its place.
@@ -124,6 +126,7 @@ def load_description(
     sensor: str | int | None = None,
     named: bool = False,
     runs: bool = True,
+    known_files: Mapping[Hashable, FileContent] = NOTHING_KNOWN,
 ) -> Description:
     """Reads a Mitsuba scene file of any version.
 
@@ -137,16 +140,22 @@ def load_description(
         sensor: the number, from zero, or the id of the one to look through.
         named: keep the names of objects.
         runs: read shapes that are alike together, which is quicker and means the same.
+        known_files: `files` of another description, which are read again only if they have changed.
 
     Raises:
         SceneError: the scene cannot be read; the message contains the location and the reason.
         UnknownParameter: the scene does not have one that it must have.
     """
     tree, builder = _read(path, parameters, strict, required_names, runs=runs)
-    names = Names() if named else None
-    return _describe(
-        tree, replace(builder, two_sided=two_sided, integrator=integrator, sensor=sensor, names=names)
+    builder = replace(
+        builder,
+        two_sided=two_sided,
+        integrator=integrator,
+        sensor=sensor,
+        names=Names() if named else None,
+        known_files=known_files,
     )
+    return _describe(tree, builder)
 
 
 @_collector_paused()
@@ -316,4 +325,5 @@ def _describe(tree: Tree, builder: Builder) -> Description:
         cameras.names(tree.root),
         builder.names,
         tuple(builder.light_groups),
+        builder.files,
     )
