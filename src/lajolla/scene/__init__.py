@@ -139,7 +139,7 @@ def load_description(
         integrator: the plugin to use in place of the scene's integrator, with the parameters that both have.
         sensor: the number, from zero, or the id of the one to look through.
         named: keep the names of objects.
-        runs: read shapes that are alike together, which is quicker and means the same.
+        runs: read objects that are alike together, which is quicker and means the same.
         known_files: `files` of another description, which are read again only if they have changed.
 
     Raises:
