@@ -355,6 +355,18 @@ def test_bsdfs_are_put_together(tmp_path: Path) -> None:
     assert len(entries(core["bsdfs"])) == 1000
 
 
+@pytest.mark.parametrize("use", USES)
+def test_groups_may_use_bsdfs_of_a_run(use: str, tmp_path: Path) -> None:
+    writer = Writer(1)
+    shapes = uses_of(use, [f"m{i % 7}" for i in range(12)], writer)
+    group = f'<shape type="shapegroup" id="q">{shapes}</shape>'
+    instances = "".join(
+        writer.shape(f'<shape type="instance">{PLACE}<ref id="q"/></shape>') for _ in range(3)
+    )
+    body = INSIDE + materials_of(MATERIALS[0], 9, writer) + group + instances
+    assert picture(same(write(tmp_path / "scene.xml", body)))
+
+
 @pytest.mark.parametrize("two_sided", [False, True])
 def test_bsdfs_of_a_run_keep_their_names(two_sided: bool, tmp_path: Path) -> None:
     writer = Writer(1)
