@@ -92,7 +92,9 @@ class Checkpoint:
     def write(self, path: Path) -> None:
         """Writes a file in place of the one that is there. Raises ImageError."""
         facts = {
-            name: value for name, value in vars(self).items() if name not in ("sums", "rays", "counts", "rounds")
+            name: value
+            for name, value in vars(self).items()
+            if name not in ("sums", "rays", "counts", "rounds")
         }
         text = json.dumps({**facts, "format": FORMAT, "film": asdict(self.film)})
         with replacing(path) as temporary, open(temporary, "wb") as file:
