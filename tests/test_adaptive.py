@@ -224,7 +224,11 @@ def simulated_mean(rng: np.random.Generator, swap: bool) -> float:
             decider.changes, decider.changes_before = (
                 changes[..., ::-1] for changes in (estimate.changes, estimate.changes_before)
             )
-        target = 2 * counts if np.isinf(estimate.noise) else decider.next_counts(counts, most=24)
+        target = (
+            2 * counts
+            if np.isinf(estimate.noise)
+            else decider.next_counts(counts, np.ones_like(estimate.changes), most=24)
+        )
     return float(picture.mean())
 
 

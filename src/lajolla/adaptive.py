@@ -61,6 +61,20 @@ class Halves:
         found: NDArray[Any] = np.bincount(self.of_pixels.ravel(), values.ravel(), size)
         return found.reshape(self.shape)
 
+    def cost(self, rays: NDArray[np.uint64], counts: Counts) -> NDArray[np.float64]:
+        """What a sample of each half costs, in any unit, from the rays of all tiles.
+
+        A measured time would make pictures vary. Where paths have more rays, these also meet more detail and
+        take longer: the time of a tile grows with its rays to the power of 0.7 to 4.5, 1.6 in the median of
+        13 scenes.
+        """
+        samples = (counts * self.pixels).sum(axis=2)
+        for axis in (0, 1):
+            samples = np.add.reduceat(samples, np.arange(0, samples.shape[axis], 2), axis=axis)
+        of_cells = np.repeat(np.repeat(rays / samples, 2, axis=0), 2, axis=1)
+        rows, columns, _ = self.shape
+        return np.maximum(of_cells[:rows, :columns, None], 1) ** 2
+
     def mean(self, values: NDArray[np.floating] | Counts) -> float:
         """The mean of all pixels, of values that are equal within a half."""
         return float((values * self.pixels).sum() / self.pixels.sum())
@@ -121,29 +135,36 @@ class ErrorEstimate:
         of_changed = changed.ravel()[self.halves.of_pixels]
         self.picture[of_changed] = picture[of_changed]
 
-    def next_counts(self, counts: Counts, *, most: float, noise: float | None = None) -> Counts:
-        """The counts of the next round: those of the halves that gain most by a sample are doubled.
+    def next_counts(
+        self, counts: Counts, cost: NDArray[np.float64], *, most: float, noise: float | None = None
+    ) -> Counts:
+        """The counts of the next round: those of the halves that gain most for their cost are doubled.
 
         Args:
             counts: the present numbers of samples.
+            cost: of a sample of each half, in any unit, as from `Halves.cost`.
             most: samples per pixel, of all pixels in the mean, that must not be exceeded.
             noise: if given, the round is no larger than it must be for this relative error.
         """
-        errors, pixels, cost = self.errors, self.halves.pixels, counts * self.halves.pixels
-        gain = _smoothed(errors[..., ::-1], pixels[..., ::-1]) / counts
+        pixels, samples = self.halves.pixels, counts * self.halves.pixels
+        gain = _smoothed(self.errors[..., ::-1], pixels[..., ::-1]) / (counts * cost)
         order = np.argsort(-gain, axis=None, kind="stable")
-        high = gain.flat[order[np.searchsorted(np.cumsum(cost.flat[order]), 0.05 * cost.sum())]]
+        spent = np.cumsum((samples * cost).flat[order])
+        high = gain.flat[order[np.searchsorted(spent, 0.05 * spent[-1])]]
         chosen = (gain >= high / SPREAD) | (counts < counts.max() // MOST_RATIO)
-        chosen &= pixels > 0
-        order = order[chosen.flat[order]]
-        taken = np.cumsum(cost.flat[order]) <= most * pixels.sum() - cost.sum()
-        if noise is not None:  # a doubling halves the squared error at least
-            squared = errors * pixels
-            left = squared.sum() - np.cumsum(squared.flat[order]) / 2
-            taken &= np.concatenate([[True], left[:-1] > noise**2 * pixels.sum()])
+        order = order[(chosen & (pixels > 0)).flat[order]]
+        doubled = np.count_nonzero(np.cumsum(samples.flat[order]) <= most * pixels.sum() - samples.sum())
+        if noise is not None:
+            doubled = min(doubled, self._doublings_for(noise, order))
         result = counts.copy()
-        result.flat[order[taken]] *= 2
+        result.flat[order[:doubled]] *= 2
         return np.minimum(result, MOST_SAMPLES)
+
+    def _doublings_for(self, noise: float, order: NDArray[np.intp]) -> int:
+        """How many halves must be doubled, in this order, for a relative error; variances fall by half."""
+        squared = self.errors * self.halves.pixels
+        left = squared.sum() - np.cumsum(squared.flat[order]) / 2
+        return 1 + int(np.count_nonzero(left > noise**2 * self.halves.pixels.sum()))
 
 
 def _smoothed(errors: NDArray[np.float64], pixels: NDArray[np.float64]) -> NDArray[np.float64]:
