@@ -115,8 +115,9 @@ def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Che
     estimate, rounds = rendering.estimate, {}
     if rendering.rules.in_rounds:
         rounds = {
+            "errors": estimate.errors,
             "changes": estimate.changes,
-            "changes_before": estimate.changes_before,
+            "reduction": np.array(estimate.reduction),
             "measured_counts": estimate.counts,
             "measured_picture": estimate.picture,
         }
@@ -217,8 +218,9 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
 def _checked_rounds(arrays: dict[str, NDArray[Any]], halves: Halves) -> dict[str, NDArray[Any]]:
     """The state of rounds: all of it, or none."""
     shapes: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+        "errors": (np.float64, halves.shape),
         "changes": (np.float64, halves.shape),
-        "changes_before": (np.float64, halves.shape),
+        "reduction": (np.float64, ()),
         "measured_counts": (np.uint32, halves.shape),
         "measured_picture": (np.float32, (*halves.size, 3)),
         "round": (np.uint32, halves.shape),
@@ -261,8 +263,9 @@ def resume(rendering: Rendering, path: Path) -> Rendering:
     rendering.accumulator.restore(saved.sums, saved.counts, saved.rays, saved.nonfinite, saved.nonfinite_list)
     rendering.seconds = saved.seconds
     if rendering.rules.in_rounds and "changes" in saved.rounds:
+        rendering.estimate.errors = saved.rounds["errors"]
         rendering.estimate.changes = saved.rounds["changes"]
-        rendering.estimate.changes_before = saved.rounds["changes_before"]
+        rendering.estimate.reduction = float(saved.rounds["reduction"])
         rendering.estimate.counts = saved.rounds["measured_counts"]
         rendering.estimate.picture = saved.rounds["measured_picture"]
         rendering.round = saved.rounds.get("round")
