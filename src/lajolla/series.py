@@ -4,6 +4,7 @@ import argparse
 import itertools
 import math
 import re
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -170,9 +171,9 @@ def jobs_of(path: Path) -> list[list[str]]:
     Raises:
         UsageError: the file is no list of jobs; the message names the job and the option.
     """
-    try:
+    if sys.version_info >= (3, 11):
         import tomllib
-    except ImportError:  # Python 3.10
+    else:
         import tomli as tomllib
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
