@@ -64,8 +64,8 @@ def loaded() -> lajolla.Scene:
         (lambda: lajolla.load("room.xml", strickt=True), "did you mean 'strict'"),
         (
             lambda: lajolla.load("room.xml", qqq=3),
-            "valid: strict, two_sided, parameters, spp, size, crop, seed, sampler, integrator, max_depth, "
-            "sensor, hide_emitters, aovs, level$",
+            "valid: strict, two_sided, parameters, reuse, spp, size, crop, seed, sampler, integrator, "
+            "max_depth, sensor, hide_emitters, aovs, level$",
         ),
         (
             lambda: loaded().render(wrong=1, sppp=3),

@@ -44,8 +44,9 @@ class Scene:
             self.core = _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
-        # To build it again elsewhere, which needs no places of errors.
-        self.description = replace(description, core=core, places=Places())
+        # To build it again elsewhere, which needs neither places of errors nor the contents of files.
+        self.description = replace(description, core=core, places=Places(), files={})
+        self.files: Mapping[Any, Any] = description.files  # that were read, for `load(reuse=)`
         self.options = options
         self.sensors = description.sensors  # ids of all sensors, or their numbers
         self._places = description.places
