@@ -104,7 +104,9 @@ def command_render(arguments: argparse.Namespace) -> int:
         lajolla.checkpoint.resume(rendering, arguments.resume)
         if rendering.samples > (rendering.rules.spp or math.inf):
             count = f"{rendering.samples:.4g} samples per pixel"
-            say(f"warning: {arguments.resume} has {count}, more than --spp {rendering.rules.spp}; all are used")
+            say(
+                f"warning: {arguments.resume} has {count}, more than --spp {rendering.rules.spp}; all are used"
+            )
     return _run_and_save(outputs, scene, rendering, arguments)
 
 
