@@ -36,7 +36,7 @@ examples:
   lajolla render - -o - --format png < scene.xml > picture.png
   lajolla render scene.xml --noise 1% --time 2h --checkpoint scene.ckpt
   lajolla render scene.xml --noise 1% --time 2h --resume scene.ckpt       after a crash
-  lajolla render scene.xml --frames 1-240 -D angle=0..360 -o 'frames/{frame:04}.png'
+  lajolla render scene.xml --frames 1-240 -D angle=0..358.5 -o '{frame:04}.png'
 
 Ctrl-C stops rendering and saves the samples so far, denoised with --denoise.""",
     "batch": """\
@@ -49,8 +49,8 @@ all jobs. Parameters with several values are rendered in all combinations. Paths
   [[job]]
   scene = "turntable.xml"
   frames = "1-240"
-  parameters = {angle = "0..360"}
-  output = "turntable/{frame:04}.exr"
+  parameters = {angle = "0..358.5"}
+  output = "turntable-{frame:04}.exr"
 
   [[job]]
   scene = "balls.xml"
