@@ -39,6 +39,14 @@ examples:
   lajolla render scene.xml --noise 1% --time 2h --resume scene.ckpt       after a crash
 
 Ctrl-C stops rendering and saves the samples so far, denoised with --denoise.""",
+    "view": """\
+examples:
+  lajolla view scene.xml
+  lajolla view scene.xml --size 640x480 --spp 256
+  lajolla view scene.xml --no-browser --port 8000     prints the address to open
+
+The address is of this machine alone and has a random token. A change of the scene's file is shown at once.
+Ctrl-C ends it. docs/viewer.md describes the page.""",
     "denoise": """\
 examples:
   lajolla denoise noisy.exr -o clean.exr
@@ -199,6 +207,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     adders: dict[str, tuple[str, Callable[[Parser], None]]] = {
         "render": ("render a scene", _add_render),
+        "view": ("look at a scene in the browser, and change it", _add_view),
         "denoise": ("remove noise from a rendered picture", _add_denoise),
         "check": ("open a scene; print statistics and warnings", _add_check),
         "convert": ("write a scene as a file for Mitsuba 3", _add_convert),
@@ -351,6 +360,17 @@ def _add_render(parser: Parser) -> None:
     )
     group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
     group.add_argument("--sample", type=_whole("sample"), metavar="N", help="with --pixel: only this sample")
+
+
+def _add_view(parser: Parser) -> None:
+    _add_scene(parser)
+    group = parser.add_argument_group("viewer (ends to render at --spp or --noise; default: 0.2 % of noise)")
+    group.add_argument("--noise", type=_noise, metavar="X", help="relative error of the picture, as estimated")
+    group.add_argument("--port", type=_whole("port"), default=0, metavar="N", help="default: any free one")
+    group.add_argument("--no-browser", action="store_true", help="only print the address")
+    group.add_argument(
+        "--threads", type=_whole("threads"), metavar="N", help="number of threads (default: all)"
+    )
 
 
 def _add_denoise(parser: Parser) -> None:

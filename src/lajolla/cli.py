@@ -355,6 +355,12 @@ def command_merge(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def command_view(arguments: argparse.Namespace) -> int:
+    from lajolla.viewer.command import view  # here, as other commands need no server
+
+    return view(arguments, lambda: load(arguments))
+
+
 # --- denoise, convert, check, compare, list -----------------------------------------------------------------
 
 
@@ -501,6 +507,7 @@ def command_completion(arguments: argparse.Namespace) -> int:
 
 COMMANDS = {
     "render": command_render,
+    "view": command_view,
     "denoise": command_denoise,
     "check": command_check,
     "convert": command_convert,
