@@ -1,8 +1,8 @@
 """The viewer's web server: the page, and a WebSocket for the pictures and what the page asks for.
 
-It listens on this machine alone. The address has a random token, which no other page of the browser and no other
-user knows; the Host header must be ours, so that no name of another site leads here (DNS rebinding), and so must
-be the Origin.
+It listens on this machine alone. The address has a random token, which no other page of the browser and no
+other user knows; the Host header must be ours, so that no name of another site leads here (DNS rebinding),
+and so must be the Origin.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from importlib import resources
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
@@ -40,12 +40,16 @@ Answer = tuple[str, bytes]  # content type, body
 
 @dataclass
 class Handlers:
-    """What the server calls, in its own thread: `received` for a message of a page, which may have an answer;
-    `download` for a file that a page asks for by name and options, None if there is none; `greeting` for what a
-    new page has to know."""
+    """What the server calls, in its own thread.
+
+    Attributes:
+        received: for a message of a page; returns the answer, if there is one.
+        download: for a file that a page asks for, by its name; None if there is none.
+        greeting: returns what a new page has to know.
+    """
 
     received: Callable[[Message], Awaitable[str | None]]
-    download: Callable[[str, dict[str, str]], Awaitable[Answer | None]]
+    download: Callable[[str], Awaitable[Answer | None]]
     greeting: Callable[[], list[Picture | str]]
 
 
@@ -136,8 +140,7 @@ class ViewServer:
             return None
         if name in self.files:
             return _response(HTTPStatus.OK, *self.files[name])
-        options = {key: values[-1] for key, values in parse_qs(url.query).items()}
-        answer = await self.handlers.download(name, options)
+        answer = await self.handlers.download(name)
         if answer is None:
             return _response(HTTPStatus.NOT_FOUND, "text/plain", b"Not Found\n")
         return _response(HTTPStatus.OK, *answer)
@@ -148,6 +151,8 @@ class ViewServer:
             return HTTPStatus.MISDIRECTED_REQUEST
         if request.headers.get("Origin", self.origin) != self.origin:
             return HTTPStatus.FORBIDDEN
+        if getattr(request, "method", "GET") != "GET":  # older versions of the library refuse others
+            return HTTPStatus.METHOD_NOT_ALLOWED
         given = request.path.split("/")[1:2]
         if not given or not secrets.compare_digest(given[0].encode(), self.token.encode()):
             return HTTPStatus.NOT_FOUND
