@@ -62,6 +62,9 @@ MAY_IMPORT = {
         *("_core", "colour", "film", "picture_files"),
         *("scene/data", "scene/formats", "scene/schema", "scene/syntax"),
     },
+    "scene/editing": {
+        *("_core", "scene/description", "scene/schema", "scene/syntax", "scene/versions"),
+    },
     "scene/export": {
         *("_core", "picture_files"),
         *("scene/description", "scene/formats", "scene/schema", "scene/syntax"),

@@ -1,8 +1,9 @@
 #include "accel/accel.h"
 
+#include <algorithm>
 #include <cstring>
-#include <deque>
 #include <new>
+#include <span>
 #include <stdexcept>
 #include <type_traits>
 
@@ -213,7 +214,7 @@ RTCGeometry make_geometry(RTCDevice device, const TriangleMesh &shape) {
 
 // Spatial splits, which high quality enables, make rays 8 % faster in a hall of 66 000 triangles, but up to
 // 14 % slower in rooms of 200 000 to 400 000, and the build takes two to three times as long.
-RTCBuildQuality build_quality(std::span<const Shape> shapes) {
+RTCBuildQuality build_quality(const SharedVector<Shape> &shapes) {
     std::size_t triangles = 0;
     for (const Shape &shape : shapes)
         if (const auto *mesh = std::get_if<TriangleMesh>(&shape)) triangles += mesh->mesh->triangles.size();
@@ -258,10 +259,86 @@ RTCGeometry make_geometry(RTCDevice device, const Rectangle &shape) {
     return geometry;
 }
 
+// Whether Embree's geometry for one shape serves for the other too: it refers to arrays, not to the shape.
+bool same_geometry(const Shape &a, const Shape &b) {
+    const auto *mesh = std::get_if<TriangleMesh>(&a), *other_mesh = std::get_if<TriangleMesh>(&b);
+    if (mesh && other_mesh) return mesh->mesh == other_mesh->mesh;
+    const auto *curves = std::get_if<Curves>(&a), *other_curves = std::get_if<Curves>(&b);
+    return curves && other_curves && curves->curves == other_curves->curves &&
+           curves->basis == other_curves->basis;
+}
+
+void refuse_lack_of_memory(RTCError error) {
+    if (error == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
+}
+
+void refuse_errors(RTCDevice device) {
+    const RTCError error = rtcGetDeviceError(device);
+    if (error == RTC_ERROR_NONE) return;
+    refuse_lack_of_memory(error);
+    throw std::runtime_error("Embree could not build the scene (error " + std::to_string(error) + ")");
+}
+
+using Device = std::shared_ptr<std::remove_pointer_t<RTCDevice>>;
+
+Device new_device() {
+    Device device(rtcNewDevice(nullptr), [](RTCDevice d) {
+        if (d) rtcReleaseDevice(d);
+    });
+    if (device) return device;
+    refuse_lack_of_memory(rtcGetDeviceError(nullptr)); // of this thread
+    throw std::runtime_error("Embree could not start");
+}
+
+// A scene of Embree, and all that it has the addresses of.
+class EmbreeScene {
+public:
+    EmbreeScene(Device device, RTCBuildQuality quality, SharedVector<Shape> shapes)
+        : device_(std::move(device)), shapes_(std::move(shapes)), scene_(rtcNewScene(device_.get())) {
+        if (!scene_) refuse_errors(device_.get());
+        rtcSetSceneBuildQuality(scene_, quality);
+    }
+    EmbreeScene(const EmbreeScene &) = delete;
+    EmbreeScene &operator=(const EmbreeScene &) = delete;
+    ~EmbreeScene() { rtcReleaseScene(scene_); }
+
+    RTCScene get() const { return scene_; }
+
+    // The i-th has the geometry id i; null ones are left out. All spheres have the geometry id `last`.
+    void attach_all(std::span<const Shape *const> shapes, std::uint32_t last) {
+        for (std::uint32_t i = 0; i < shapes.size(); ++i) {
+            if (!shapes[i]) continue;
+            if (const auto *sphere = std::get_if<Sphere>(shapes[i])) spheres_.add(*sphere, i);
+            else attach(match(*shapes[i], [&](const auto &s) { return make_geometry(device_.get(), s); }), i);
+        }
+        if (!spheres_.balls.empty()) attach(make_geometry(device_.get(), spheres_), last);
+    }
+    void attach(const Instance &instance, RTCScene group, std::uint32_t id) {
+        RTCGeometry geometry = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_INSTANCE);
+        rtcSetGeometryInstancedScene(geometry, group);
+        rtcSetGeometryTimeStepCount(geometry, 1);
+        rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, instance.to_world.m.data());
+        attach(geometry, id);
+    }
+    void commit() { rtcCommitScene(scene_); }
+
+private:
+    void attach(RTCGeometry geometry, std::uint32_t id) {
+        rtcCommitGeometry(geometry);
+        rtcAttachGeometryByID(scene_, geometry, id);
+        rtcReleaseGeometry(geometry);
+    }
+
+    Device device_;
+    SharedVector<Shape> shapes_;
+    SphereSet spheres_;
+    RTCScene scene_;
+};
+
 } // namespace
 
 // The spheres outside of groups, if they are few.
-std::vector<Accel::LooseSphere> Accel::few_spheres(std::span<const Shape> shapes,
+std::vector<Accel::LooseSphere> Accel::few_spheres(const SharedVector<Shape> &shapes,
                                                    const std::vector<bool> &is_member) {
     std::vector<LooseSphere> result;
     for (std::size_t id = 0; id < shapes.size(); ++id)
@@ -271,96 +348,69 @@ std::vector<Accel::LooseSphere> Accel::few_spheres(std::span<const Shape> shapes
     return result;
 }
 
-static void refuse_lack_of_memory(RTCError error) {
-    if (error == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
-}
-
 struct Accel::Embree {
-    RTCDevice device;
-    RTCScene scene;
-    std::vector<RTCScene> groups;
-    std::deque<SphereSet> spheres; // a deque, because Embree keeps their addresses
+    Device device;
+    RTCBuildQuality quality;
+    EmbreeScene scene;
+    std::vector<std::shared_ptr<const EmbreeScene>> groups;
 
-    Embree() : device(rtcNewDevice(nullptr)), scene(device ? rtcNewScene(device) : nullptr) {
-        if (scene) return;
-        refuse_lack_of_memory(rtcGetDeviceError(device)); // of this thread if there is no device
-        throw std::runtime_error("Embree could not start");
-    }
-    Embree(const Embree &) = delete;
-    Embree &operator=(const Embree &) = delete;
-    ~Embree() {
-        rtcReleaseScene(scene);
-        for (RTCScene group : groups) rtcReleaseScene(group);
-        rtcReleaseDevice(device);
-    }
+    Embree(Device on, const SharedVector<Shape> &shapes)
+        : device(std::move(on)), quality(build_quality(shapes)), scene(device, quality, shapes) {}
 
-    void attach(RTCScene to, RTCGeometry geometry, std::uint32_t id) const {
-        rtcCommitGeometry(geometry);
-        rtcAttachGeometryByID(to, geometry, id);
-        rtcReleaseGeometry(geometry);
-    }
-    // Shapes of one scene: the i-th has the geometry id i. All spheres have the geometry id `last`.
-    void attach_all(RTCScene to, std::span<const Shape *const> shapes, std::uint32_t last) {
-        SphereSet &set = spheres.emplace_back();
-        for (std::uint32_t i = 0; i < shapes.size(); ++i) {
-            if (!shapes[i]) continue;
-            if (const auto *sphere = std::get_if<Sphere>(shapes[i])) set.add(*sphere, i);
-            else attach(to, match(*shapes[i], [&](const auto &s) { return make_geometry(device, s); }), i);
-        }
-        if (!set.balls.empty()) attach(to, make_geometry(device, set), last);
-    }
-    void attach(RTCScene to, const Instance &instance, std::uint32_t id) const {
-        RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE);
-        rtcSetGeometryInstancedScene(geometry, groups[static_cast<std::size_t>(instance.group)]);
-        rtcSetGeometryTimeStepCount(geometry, 1);
-        rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_ROW_MAJOR, instance.to_world.m.data());
-        attach(to, geometry, id);
+    void add_group(const Group &group, const SharedVector<Shape> &shapes) {
+        const auto added = std::make_shared<EmbreeScene>(device, quality, shapes);
+        std::vector<const Shape *> members;
+        for (const std::uint32_t id : group) members.push_back(&shapes[id]);
+        added->attach_all(members, static_cast<std::uint32_t>(members.size()));
+        added->commit();
+        groups.push_back(added);
     }
 };
 
-Accel::Accel(std::span<const Shape> shapes, std::span<const Group> groups,
-             std::span<const Instance> instances)
-    : shape_count_(static_cast<std::uint32_t>(shapes.size())), groups_(groups.begin(), groups.end()) {
-    auto embree = std::make_shared<Embree>();
-    const RTCBuildQuality quality = build_quality(shapes);
-    std::vector<bool> is_member(shapes.size(), false);
-    for (const Group &group : groups) {
-        RTCScene scene = embree->groups.emplace_back(rtcNewScene(embree->device));
-        rtcSetSceneBuildQuality(scene, quality);
-        std::vector<const Shape *> members;
-        for (const std::uint32_t id : group) {
-            members.push_back(&shapes[id]);
-            is_member[id] = true;
-        }
-        embree->attach_all(scene, members, static_cast<std::uint32_t>(members.size()));
-        rtcCommitScene(scene);
+// Whether a group of an earlier index serves for this one.
+static bool is_same_group(const Group &group, const SharedVector<Shape> &shapes, const Group &before,
+                          const SharedVector<Shape> &shapes_before) {
+    return group == before &&
+           (shapes.shares(shapes_before) || std::ranges::all_of(group, [&](std::uint32_t id) {
+                return same_geometry(shapes[id], shapes_before[id]);
+            }));
+}
+
+Accel::Accel(SharedVector<Shape> shapes, SharedVector<Group> groups, const SharedVector<Instance> &instances,
+             const Accel *before)
+    : shapes_(std::move(shapes)), shape_count_(static_cast<std::uint32_t>(shapes_.size())),
+      groups_(std::move(groups)) {
+    const auto embree = std::make_shared<Embree>(before ? before->embree_->device : new_device(), shapes_);
+    const bool may_share = before && embree->quality == before->embree_->quality;
+    std::vector<bool> is_member(shapes_.size(), false);
+    for (std::size_t i = 0; i < groups_.size(); ++i) {
+        for (const std::uint32_t id : groups_[i]) is_member[id] = true;
+        if (may_share && is_same_group(groups_[i], shapes_, before->groups_[i], before->shapes_))
+            embree->groups.push_back(before->embree_->groups[i]);
+        else embree->add_group(groups_[i], shapes_);
     }
-    rtcSetSceneBuildQuality(embree->scene, quality);
-    loose_spheres_ = few_spheres(shapes, is_member);
-    std::vector<const Shape *> seen(shapes.size()); // null for shapes in groups, loose spheres
+    loose_spheres_ = few_spheres(shapes_, is_member);
+    std::vector<const Shape *> seen(shapes_.size()); // null for shapes in groups, loose spheres
     for (std::uint32_t id = 0; id < shape_count_; ++id) {
-        has_curves_ |= std::holds_alternative<Curves>(shapes[id]);
-        if (!is_member[id] && !(std::holds_alternative<Sphere>(shapes[id]) && !loose_spheres_.empty()))
-            seen[id] = &shapes[id];
+        has_curves_ |= std::holds_alternative<Curves>(shapes_[id]);
+        if (!is_member[id] && !(std::holds_alternative<Sphere>(shapes_[id]) && !loose_spheres_.empty()))
+            seen[id] = &shapes_[id];
     }
-    embree->attach_all(embree->scene, seen, shape_count_ + static_cast<std::uint32_t>(instances.size()));
+    embree->scene.attach_all(seen, shape_count_ + static_cast<std::uint32_t>(instances.size()));
     limit_ = largest_coordinate;
     for (const Instance &instance : instances) {
         for (std::size_t axis = 0; axis < 3;
              ++axis) // an instance's translation is small compared with the limit
             limit_ = std::min(limit_,
                               0.5f * largest_coordinate / max_component(abs(instance.to_group.axis(axis))));
-        embree->attach(embree->scene, instance,
-                       shape_count_ + static_cast<std::uint32_t>(group_of_instance_.size()));
+        embree->scene.attach(instance, embree->groups[static_cast<std::size_t>(instance.group)]->get(),
+                             shape_count_ + static_cast<std::uint32_t>(group_of_instance_.size()));
         group_of_instance_.push_back(static_cast<std::uint32_t>(instance.group));
     }
-    rtcCommitScene(embree->scene);
-    if (const RTCError error = rtcGetDeviceError(embree->device); error != RTC_ERROR_NONE) {
-        refuse_lack_of_memory(error);
-        throw std::runtime_error("Embree could not build the scene (error " + std::to_string(error) + ")");
-    }
-    scene_ = embree->scene;
-    embree_ = std::move(embree);
+    embree->scene.commit();
+    refuse_errors(embree->device.get());
+    scene_ = embree->scene.get();
+    embree_ = embree;
 }
 
 std::optional<RayHit> Accel::closest(const Ray<float> &ray) const {

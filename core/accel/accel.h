@@ -5,21 +5,22 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <span>
 #include <vector>
 
+#include "base/shared_vector.h"
 #include "geometry/hit.h"
 #include "geometry/instance.h"
 #include "geometry/shapes.h"
 
 namespace lajolla {
 
-// A spatial index over shapes; shape ids are positions in the span, which must outlive it. Shapes in groups
-// exist only through instances.
+// A spatial index over shapes; shape ids are positions in the list. Shapes in groups exist only through
+// instances.
 class Accel {
 public:
-    explicit Accel(std::span<const Shape> shapes, std::span<const Group> groups = {},
-                   std::span<const Instance> instances = {});
+    // Groups are shared with another index as far as their shapes are the same.
+    explicit Accel(SharedVector<Shape> shapes, SharedVector<Group> groups = {},
+                   const SharedVector<Instance> &instances = {}, const Accel *before = nullptr);
 
     // Rays with NaN or extremely large numbers, which a broken texture can cause, have no hits.
     std::optional<RayHit> closest(const Ray<float> &ray) const;
@@ -37,14 +38,15 @@ private:
         const Sphere *sphere;
         std::int32_t id;
     };
-    static std::vector<LooseSphere> few_spheres(std::span<const Shape> shapes,
+    static std::vector<LooseSphere> few_spheres(const SharedVector<Shape> &shapes,
                                                 const std::vector<bool> &is_member);
 
     struct Embree;
+    SharedVector<Shape> shapes_; // Embree has their addresses
     std::shared_ptr<const Embree> embree_;
     float limit_ = 0;               // largest coordinate of a ray
     std::uint32_t shape_count_ = 0; // geometries from here on are instances
-    std::vector<Group> groups_;
+    SharedVector<Group> groups_;
     std::vector<std::uint32_t> group_of_instance_;
     std::vector<LooseSphere> loose_spheres_;
     bool has_curves_ = false;

@@ -168,6 +168,11 @@ bool Origins::move(const SceneParts &parts) {
     return moved;
 }
 
+bool Origins::any_moved() const {
+    const auto is_moved = [](const Point &origin) { return origin != Point{}; };
+    return is_moved(scene) || std::ranges::any_of(groups, is_moved);
+}
+
 Dict recentred(const Dict &description, const SceneParts &parts, const Origins &origins) {
     const Point &centre = origins.scene;
     const auto place = [&](const Dict &entry, std::size_t) { return placed(entry, centre); };

@@ -24,6 +24,7 @@ struct Origins {
     // Moves the origins to shapes that are far from them; returns whether any moved. `parts` are relative to
     // the origins.
     bool move(const SceneParts &parts);
+    bool any_moved() const; // ever
 };
 
 // The same scene relative to other origins: changes all transforms and positions in world space. `parts` were

@@ -5,16 +5,26 @@
 #include <memory>
 
 #include "engine/build.h"
+#include "engine/recentre.h"
 #include "transport/render.h"
 
 namespace lajolla {
 
 struct RenderableScene {
     std::shared_ptr<const Scene> scene; // other outputs may share it
+    std::shared_ptr<const Origins> origins; // null: where the description has them
     Output output;
     SequenceKind sequence;
     int sample_count;
     std::uint32_t seed;
+
+    void set_sampler(const SamplerModel &model) {
+        match(model, [&](const auto &sampler) {
+            sequence = sampler.kind;
+            sample_count = sampler.sample_count;
+            seed = sampler.seed;
+        });
+    }
 };
 
 } // namespace lajolla

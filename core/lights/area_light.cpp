@@ -7,6 +7,7 @@ namespace lajolla {
 // Textured rectangles are sampled by a table of their luminance. It need not be exact, but must not be zero
 // where the texture is not.
 void AreaLight::prepare_sampling(std::span<const TextureModel> textures) {
+    table_ = {};
     const auto *rectangle = std::get_if<Rectangle>(shape);
     if (!rectangle || radiance.is_constant()) return;
     const auto *bitmap = std::get_if<Bitmap>(&textures[static_cast<std::size_t>(radiance.id)]);

@@ -59,9 +59,9 @@ NullTransmission<Float> blend(Float weight, const NullTransmission<Float> &first
 
 } // namespace
 
-Materials::Materials(std::vector<Material> materials, std::vector<Adapter> adapters,
+Materials::Materials(std::span<const Material> materials, SharedVector<Adapter> adapters,
                      std::span<const Bsdf> bsdfs)
-    : materials_(std::move(materials)), adapters_(std::move(adapters)), bsdfs_(bsdfs) {
+    : materials_(materials.begin(), materials.end()), adapters_(std::move(adapters)), bsdfs_(bsdfs) {
     for (const Bsdf &bsdf : bsdfs) bsdf_transmits_.push_back(traits(bsdf).null_transmission);
     std::vector<bool> clear; // adapters of transmissive BSDFs only
     const auto is_clear = [&](MaterialId id) {

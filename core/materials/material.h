@@ -10,6 +10,7 @@
 
 #include "base/fields.h"
 #include "base/sampler.h"
+#include "base/shared_vector.h"
 #include "base/texture.h"
 #include "materials/normals.h"
 #include "scatter/bsdfs.h"
@@ -107,7 +108,8 @@ public:
     Materials() = default;
     // Ids must be valid, adapters may only contain earlier adapters, and `bsdfs` must outlive this. Throws
     // std::invalid_argument for trees that are too large.
-    Materials(std::vector<Material> materials, std::vector<Adapter> adapters, std::span<const Bsdf> bsdfs);
+    Materials(std::span<const Material> materials, SharedVector<Adapter> adapters,
+              std::span<const Bsdf> bsdfs);
 
     const Material &operator[](std::int32_t id) const { return materials_[static_cast<std::size_t>(id)]; }
 
@@ -161,7 +163,7 @@ private:
                           const Vec3<Float> &wo, const MappedNormal<Float> &normal) const;
 
     std::vector<Material> materials_;
-    std::vector<Adapter> adapters_;
+    SharedVector<Adapter> adapters_;
     std::span<const Bsdf> bsdfs_;
     std::vector<bool> bsdf_transmits_, adapter_transmits_;
     std::vector<int> adapter_leaves_;

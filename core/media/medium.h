@@ -83,6 +83,7 @@ public:
     std::size_t size() const { return media_.size(); }
     std::span<const VolumeModel> volumes() const { return volumes_; }
     std::span<const Phase> phases() const { return phases_; }
+    std::span<const Medium> media() const { return media_; }
     const Medium &operator[](std::int32_t medium) const { return media_[static_cast<std::size_t>(medium)]; }
 
     // The coefficients of a medium at a point for light along wo, in either direction.

@@ -62,14 +62,23 @@ nb::object rows_or_none(nb::handle owner, const Elements &elements) {
     return elements.empty() ? nb::none() : rows_of<T, N>(owner, elements);
 }
 
+// Values per vertex, or per face if the name begins with "face_".
+using Attributes =
+    std::map<std::string, nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>>;
+
 std::shared_ptr<LoadedMesh> make_mesh(const Table<float, 3> &vertices, const Table<std::uint32_t, 3> &faces,
                                       const std::optional<Table<float, 3>> &normals,
-                                      const std::optional<Table<float, 2>> &uvs) {
+                                      const std::optional<Table<float, 2>> &uvs,
+                                      const Attributes &attributes) {
     auto mesh = std::make_shared<LoadedMesh>();
     assign<3>(mesh->positions, vertices);
     assign<3>(mesh->triangles, faces);
     if (normals) assign<3>(mesh->normals, *normals);
     if (uvs) assign<2>(mesh->uvs, *uvs);
+    for (const auto &[name, values] : attributes)
+        mesh->attributes[name] = {static_cast<std::uint32_t>(values.shape(1)),
+                                  name.starts_with("face_"),
+                                  {values.data(), values.data() + values.size()}};
     validate(*mesh);
     return mesh;
 }
@@ -170,7 +179,7 @@ nb::tuple mesh_state(nb::handle self) {
 
 void restore_mesh(LoadedMesh &mesh, const MeshState &state) {
     const auto &[arrays, attribute_states, groups, material_libraries, face_normals, mended] = state;
-    const auto made = std::apply(&make_mesh, arrays);
+    const auto made = std::apply([](const auto &...a) { return make_mesh(a..., {}); }, arrays);
     for (const auto &[name, attribute] : attribute_states) {
         const auto &[per_face, values] = attribute;
         made->attributes[name] = {static_cast<std::uint32_t>(values.shape(1)),
@@ -233,9 +242,11 @@ void bind_meshes(nb::module_ &m) {
     nb::class_<Mesh>(m, "MeshBase", "Arrays of a triangle mesh.");
     nb::class_<LoadedMesh, Mesh>(m, "Mesh", "A triangle mesh; its arrays cannot be changed.")
         .def(nb::new_(&make_mesh), "vertices"_a, "faces"_a, "normals"_a = nb::none(), "uvs"_a = nb::none(),
+             "attributes"_a = Attributes(),
              "vertices (N, 3) float32; faces (M, 3) uint32, indices of vertices; normals (N, 3) float32 of "
              "unit length; "
-             "uvs (N, 2) float32. Raises ValueError where shapes or indices do not fit.")
+             "uvs (N, 2) float32; attributes: (N, channels) float32 by names, or (M, channels) if the name "
+             "begins with face_. Raises ValueError where shapes or indices do not fit.")
         .def_prop_ro(
             "vertices",
             [](nb::handle self) {

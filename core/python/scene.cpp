@@ -98,6 +98,20 @@ void bind_scene(nb::module_ &m) {
             "description"_a,
             "The same scene with another output, which costs nothing: the entries integrator, "
             "other_integrators and channels of a description. Raises DescriptionError.")
+        .def(
+            "with_changes",
+            [](const RenderableScene &self, const nb::dict &changes) {
+                return with_dict(changes, [&](const Dict &dict) {
+                    const nb::gil_scoped_release release;
+                    return with_changes(self, dict);
+                });
+            },
+            "changes"_a,
+            "The same scene with other entries, {\"bsdfs[3]\": {...}, \"sensor\": {...}}; all that does not "
+            "depend on them is shared. Textures, bsdfs, adapters and materials can be added as the entry "
+            "after the last. The entry of a shape without \"type\" changes only what the shape refers to. "
+            "None: the scene has to be built anew, because it moves to another origin. Raises "
+            "DescriptionError.")
         .def_prop_ro(
             "width", [](const RenderableScene &s) { return s.scene->film().crop_width; },
             "of the crop window")

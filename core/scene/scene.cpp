@@ -55,43 +55,75 @@ Bounds bounds_of(const SceneParts &parts) {
     return box;
 }
 
-Scene::Scene(SceneParts parts) : parts_(std::move(parts)), filter_(parts_.filter) {
+// Sets the shapes of area lights, and prepares both for sampling.
+void Scene::connect_lights(bool prepare_shapes) {
+    std::vector<Light> &lights = parts_.lights.edit();
+    std::vector<bool> has_shape(lights.size());
     for (std::size_t i = 0; i < parts_.shapes.size(); ++i) {
         const std::int32_t emitter = parts_.slots[i].emitter;
         if (emitter < 0) continue;
-        auto *light = std::get_if<AreaLight>(&parts_.lights[static_cast<std::size_t>(emitter)]);
+        auto *light = std::get_if<AreaLight>(&lights[static_cast<std::size_t>(emitter)]);
         if (!light) throw std::invalid_argument("only area emitters can be attached to shapes");
-        if (light->shape) throw std::invalid_argument("two shapes share one area emitter");
+        if (has_shape[static_cast<std::size_t>(emitter)])
+            throw std::invalid_argument("two shapes share one area emitter");
+        has_shape[static_cast<std::size_t>(emitter)] = true;
+        if (prepare_shapes) match(parts_.shapes.edit()[i], [](auto &shape) { shape.prepare_sampling(); });
         light->shape = &parts_.shapes[i];
-        match(parts_.shapes[i], [](auto &shape) { shape.prepare_sampling(); });
     }
     for (const Group &group : parts_.groups)
         for (const std::uint32_t id : group)
             if (parts_.slots[id].emitter >= 0)
                 throw std::invalid_argument("a shape in a group cannot be a light");
-    for (Light &light : parts_.lights)
-        if (auto *area = std::get_if<AreaLight>(&light)) {
-            if (!area->shape) throw std::invalid_argument("an area emitter needs a shape");
+    for (std::size_t i = 0; i < lights.size(); ++i)
+        if (auto *area = std::get_if<AreaLight>(&lights[i])) {
+            if (!has_shape[i]) throw std::invalid_argument("an area emitter needs a shape");
             area->prepare_sampling(parts_.textures);
         }
+}
 
-    for (const Bsdf &bsdf : parts_.bsdfs) bsdf_traits_.push_back(traits(bsdf));
+// What textures and materials are like.
+void Scene::describe_looks() {
+    std::vector<BsdfTraits> all;
+    for (const Bsdf &bsdf : parts_.bsdfs) all.push_back(traits(bsdf));
+    bsdf_traits_ = std::move(all);
     for (const TextureModel &texture : parts_.textures)
         if (const auto *bitmap = std::get_if<Bitmap>(&texture))
             reads_footprints_ |= bitmap->reads_footprints();
-    materials_ = Materials(parts_.materials, parts_.adapters, parts_.bsdfs);
+    materials_ = std::make_shared<const Materials>(parts_.materials, parts_.adapters, parts_.bsdfs);
     for (const Adapter &adapter : parts_.adapters) has_blends_ |= std::holds_alternative<Blend>(adapter);
     needs_ = needs_of(parts_, bsdf_traits_, reads_footprints_);
-    for (const Shape &shape : parts_.shapes) meshes_.push_back(arrays_of(shape));
+}
 
-    bounding_sphere_ = sphere_around(parts_);
+Scene::Scene(SceneParts parts, const Scene *before) : parts_(std::move(parts)), filter_(parts_.filter) {
+    using Parts = SceneParts;
+    const auto same = [&](auto... members) {
+        return before && (... && (parts_.*members).shares(before->parts_.*members));
+    };
+    if (!same(&Parts::shapes, &Parts::lights, &Parts::textures)) connect_lights(!same(&Parts::shapes));
+    if (same(&Parts::textures, &Parts::bsdfs, &Parts::adapters, &Parts::materials)) {
+        bsdf_traits_ = before->bsdf_traits_, materials_ = before->materials_, needs_ = before->needs_;
+        reads_footprints_ = before->reads_footprints_, has_blends_ = before->has_blends_;
+    } else {
+        describe_looks();
+    }
+    if (same(&Parts::shapes, &Parts::groups, &Parts::instances)) {
+        meshes_ = before->meshes_, accel_ = before->accel_, bounding_sphere_ = before->bounding_sphere_;
+    } else {
+        std::vector<MeshArrays> arrays;
+        for (const Shape &shape : parts_.shapes) arrays.push_back(arrays_of(shape));
+        meshes_ = std::move(arrays);
+        accel_ = std::make_shared<const Accel>(parts_.shapes, parts_.groups, parts_.instances,
+                                               before ? before->accel_.get() : nullptr);
+        bounding_sphere_ = sphere_around(parts_);
+    }
     const CameraFit fit{parts_.film.aspect(), static_cast<float>(parts_.film.width), bounding_sphere_};
     match(parts_.camera, [&](auto &camera) {
         camera.build(fit);
         to_camera_ = inverse(camera.to_world).value_or(Transform{});
     });
-    picker_ = LightPicker(parts_.lights, parts_.textures, bounding_sphere_);
-    accel_.emplace(parts_.shapes, parts_.groups, parts_.instances);
+    if (same(&Parts::shapes, &Parts::instances, &Parts::lights, &Parts::textures)) picker_ = before->picker_;
+    else
+        picker_ = std::make_shared<const LightPicker>(parts_.lights, parts_.textures, bounding_sphere_);
 }
 
 Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const RayCone<float> &cone,
@@ -197,7 +229,7 @@ Vec3f Scene::offset(Vec3f p, double origins) const {
 
 std::optional<Scene::PlainMaterial> Scene::plain_material(std::int32_t id) const {
     if (id < 0) return PlainMaterial{};
-    const Material &material = materials_[id];
+    const Material &material = (*materials_)[id];
     const MaterialId &front = material.front, &back = material.back;
     const auto is_plain = [&](const MaterialId &side) {
         return side.adapter < 0 && (side.bsdf < 0 || !traits_of(side.bsdf).null_transmission);
@@ -209,7 +241,7 @@ std::optional<Scene::PlainMaterial> Scene::plain_material(std::int32_t id) const
 Scene::Side Scene::side(const Hit<float> &hit, const Vec3f &wo) const {
     const MappedNormal<float> front{hit.shading_normal, hit.dp_du, false};
     if (hit.material < 0) return {{}, false, front};
-    const Material &material = materials_[hit.material];
+    const Material &material = (*materials_)[hit.material];
     if (dot(hit.normal, wo) >= 0 || material.back == MaterialId{}) return {material.front, false, front};
     return {material.back, true, {-hit.shading_normal, hit.dp_du, true}};
 }
@@ -218,7 +250,7 @@ Scene::Choice Scene::choose(const Hit<float> &hit, const Vec3f &wo, float u) con
     const Side seen = side(hit, wo);
     Choice choice{seen.root.bsdf, seen.turned, seen.normal};
     if (seen.root.adapter >= 0)
-        materials_.choose(seen.root, unfiltered_reader(hit), hit, wo, u, seen.normal, true,
+        materials_->choose(seen.root, unfiltered_reader(hit), hit, wo, u, seen.normal, true,
                           [&](std::int32_t bsdf, const MappedNormal<float> &normal, bool) {
                               choice.bsdf = bsdf;
                               choice.normal = normal;
@@ -269,13 +301,13 @@ Vec3f Scene::mapped_normal(const Hit<float> &hit, const Vec3f &wo, float u) cons
 
 NullTransmission<float> Scene::null_transmission(const Hit<float> &hit, const Vec3f &wo) const {
     const auto [root, turned, normal] = side(hit, wo);
-    return materials_.null_transmission(root, unfiltered_reader(hit), hit, wo, normal);
+    return materials_->null_transmission(root, unfiltered_reader(hit), hit, wo, normal);
 }
 
 const Bitmap *Scene::first_bitmap(const Hit<float> &hit) const {
     const Bitmap *result = nullptr;
     if (hit.material < 0) return result;
-    const std::int32_t front = materials_.first_bsdf(materials_[hit.material].front);
+    const std::int32_t front = materials_->first_bsdf((*materials_)[hit.material].front);
     if (front < 0) return result;
     const auto look_at = [&](const auto &value) {
         if constexpr (requires { value.id; })
@@ -304,7 +336,7 @@ std::size_t Scene::bytes() const {
         if (const auto *bitmap = std::get_if<Bitmap>(&texture)) sum += bitmap->pixels.bytes();
     for (const Light &light : parts_.lights)
         if (const auto *map = std::get_if<EnvironmentMap>(&light)) sum += map->image->bytes();
-    return sum + parts_.media.bytes();
+    return sum + parts_.media->bytes();
 }
 
 } // namespace lajolla

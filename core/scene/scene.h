@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "accel/accel.h"
+#include "base/shared_vector.h"
 #include "geometry/instance.h"
 #include "geometry/shapes.h"
 #include "lights/lights.h"
@@ -28,17 +29,17 @@ struct ShapeSlot {
 };
 
 struct SceneParts {
-    std::vector<TextureModel> textures;
-    std::vector<Bsdf> bsdfs;
-    std::vector<Adapter> adapters;
-    std::vector<Material> materials;
-    std::vector<Light> lights;
-    std::vector<std::int32_t> light_groups; // of each light, from 1; 0 for none
-    std::vector<Shape> shapes;
-    std::vector<ShapeSlot> slots; // one per shape
-    std::vector<Group> groups;
-    std::vector<Instance> instances;
-    Media media;
+    SharedVector<TextureModel> textures;
+    SharedVector<Bsdf> bsdfs;
+    SharedVector<Adapter> adapters;
+    SharedVector<Material> materials;
+    SharedVector<Light> lights;
+    SharedVector<std::int32_t> light_groups; // of each light, from 1; 0 for none
+    SharedVector<Shape> shapes;
+    SharedVector<ShapeSlot> slots; // one per shape
+    SharedVector<Group> groups;
+    SharedVector<Instance> instances;
+    std::shared_ptr<const Media> media = std::make_shared<const Media>();
     Camera camera;
     std::int32_t camera_medium = -1; // -1 for none
     Film film;
@@ -62,20 +63,21 @@ struct MeshArrays {
 
 class Scene {
 public:
-    // Models are built already; ids are in range. Throws std::invalid_argument for what does not fit
-    // together.
-    explicit Scene(SceneParts parts);
+    // Models are built already; ids are in range. With the scene that the parts were copied from before they
+    // were edited, tables of what was not edited are shared with it; a shape must not become a light then, or
+    // stop being one. Throws std::invalid_argument for what does not fit together.
+    explicit Scene(SceneParts parts, const Scene *before = nullptr);
     Scene(const Scene &) = delete;
     Scene &operator=(const Scene &) = delete;
 
     const Accel &accel() const { return *accel_; }
-    const LightPicker &lights() const { return picker_; }
+    const LightPicker &lights() const { return *picker_; }
     // The light group of a light; 0 for lights without one, and for -1, the emission of media.
     std::int32_t light_group(std::int32_t light) const {
         return light < 0 ? 0 : parts_.light_groups[static_cast<std::size_t>(light)];
     }
     std::size_t light_group_count() const; // with 0
-    const Media &media() const { return parts_.media; }
+    const Media &media() const { return *parts_.media; }
     std::int32_t camera_medium() const { return parts_.camera_medium; }
     const Film &film() const { return parts_.film; }
     const FilterSampler &filter() const { return filter_; }
@@ -106,8 +108,8 @@ public:
     void for_each_surface(const Hit<float> &hit, const Vec3f &wo, const AnySurface &chosen, F &&f) const {
         if (!has_blends_) return f(chosen, 1.0f);
         const Side seen = side(hit, wo);
-        if (!materials_.is_small_blend(seen.root)) return f(chosen, 1.0f);
-        materials_.for_each_leaf(seen.root, unfiltered_reader(hit), hit, wo, seen.normal, 1.0f,
+        if (!materials_->is_small_blend(seen.root)) return f(chosen, 1.0f);
+        materials_->for_each_leaf(seen.root, unfiltered_reader(hit), hit, wo, seen.normal, 1.0f,
                                  [&](std::int32_t bsdf, const MappedNormal<float> &normal, float share) {
                                      f(surface({bsdf, seen.turned, normal}, hit, wo), share);
                                  });
@@ -125,7 +127,7 @@ public:
     // surface, and what thin glass does not reflect.
     NullTransmission<float> null_transmission(const Hit<float> &hit, const Vec3f &wo) const;
     // Whether any surface lets light pass, so that shadow rays must look at what they meet.
-    bool has_null_transmission() const { return materials_.has_null_transmission(); }
+    bool has_null_transmission() const { return materials_->has_null_transmission(); }
 
     // Whether any texture depends on the size of what a pixel sees.
     bool reads_footprints() const { return reads_footprints_; }
@@ -156,7 +158,7 @@ public:
                                      const Vec3<Float> &wo) const {
         return traits.null_transmission ? unfiltered_reader(hit) : filtered_reader(hit, wo);
     }
-    const Materials &materials() const { return materials_; }
+    const Materials &materials() const { return *materials_; }
 
     // The plain BSDFs of a material's two sides, -1 for black: nothing where there are adapters, or where
     // light passes straight through.
@@ -169,7 +171,7 @@ public:
     }
     // Scenes write alpha = 0.0001 for a mirror. A lobe below this roughness is narrower than any light that
     // has an area, so that samples of lights would only cost time; lights without area need them still.
-    float least_roughness() const { return picker_.has_delta_lights() ? 0 : 5e-4f; }
+    float least_roughness() const { return picker_->has_delta_lights() ? 0 : 5e-4f; }
 
 private:
     // The BSDF at a hit, -1 for black; whether it is that of the back, and the normal then looks there.
@@ -190,13 +192,16 @@ private:
     void fill_in_instance(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs,
                           Hit<float> &hit) const;
     Vec3f offset(Vec3f p, double origins) const;
+    void connect_lights(bool prepare_shapes);
+    void describe_looks();
+
     SceneParts parts_;
-    std::vector<BsdfTraits> bsdf_traits_;
-    std::vector<MeshArrays> meshes_; // of each shape that is a mesh
+    SharedVector<BsdfTraits> bsdf_traits_;
+    SharedVector<MeshArrays> meshes_; // of each shape that is a mesh
     HitNeeds needs_;
-    Materials materials_;
-    std::optional<Accel> accel_;
-    LightPicker picker_;
+    std::shared_ptr<const Materials> materials_;
+    std::shared_ptr<const Accel> accel_;
+    std::shared_ptr<const LightPicker> picker_;
     FilterSampler filter_;
     bool reads_footprints_ = false, has_blends_ = false;
     Transform to_camera_;

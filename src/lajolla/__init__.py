@@ -37,9 +37,11 @@ if TYPE_CHECKING:
     from lajolla.limits import OptionError
     from lajolla.loading import Scene, load, load_dict
     from lajolla.messages import ClusterError, ClusterWarning, LajollaWarning
+    from lajolla.params import ParamError
     from lajolla.picture_files import ImageError, ImageWarning
     from lajolla.render import Progress, Rendering
     from lajolla.scene import SceneError, SceneWarning
+    from lajolla.transforms import look_at, rotate, scale, translate
 
     __version__: str
 
@@ -52,6 +54,7 @@ __all__ = [
     "ImageWarning",
     "LajollaWarning",
     "OptionError",
+    "ParamError",
     "Progress",
     "Rendering",
     "Scene",
@@ -59,6 +62,10 @@ __all__ = [
     "SceneWarning",
     "load",
     "load_dict",
+    "look_at",
+    "rotate",
+    "scale",
+    "translate",
 ]
 
 # Modules and names are imported when they are first used: `lajolla --help` does without NumPy and the core.
@@ -73,7 +80,9 @@ _HOMES = {
     "OptionError": "limits",
     **dict.fromkeys(("Progress", "Rendering"), "render"),
     **dict.fromkeys(("Scene", "load", "load_dict"), "loading"),
+    "ParamError": "params",
     **dict.fromkeys(("SceneError", "SceneWarning"), "scene"),
+    **dict.fromkeys(("look_at", "rotate", "scale", "translate"), "transforms"),
     **dict.fromkeys(("ClusterError", "ClusterWarning", "LajollaWarning"), "messages"),
 }
 

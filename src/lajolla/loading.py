@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import os
 import time
@@ -22,6 +23,7 @@ from lajolla.limits import MOST_SAMPLES, OptionError, check
 from lajolla.messages import names_checked, suggestion, warn
 from lajolla.objects import ObjectLayers
 from lajolla.options import Options, apply_options
+from lajolla.params import Params
 from lajolla.picture_files import ImageWarning
 from lajolla.render import Progress, Rendering, StopRules, available_threads
 from lajolla.scene import (
@@ -50,8 +52,10 @@ class Scene:
             raise description.refusal(problem) from None
         # To build it again elsewhere, which needs no places of errors.
         self.description = replace(description, core=core, places=Places())
+        self._places = description.places
         self.film = description.film.with_alpha() if ALPHA in options.aovs else description.film
         self.aovs = tuple(options.aovs)
+        self._params: Params | None = None
         self.names = description.names  # of objects, if an aov needs them
         self.sensors = description.sensors  # ids of all sensors, or their numbers
         self.warnings: list[SceneWarning] = list(description.warnings)
@@ -76,6 +80,57 @@ class Scene:
     def height(self) -> int:
         """Of the picture, in pixels."""
         return self.core.height
+
+    @property
+    def params(self) -> Params:
+        """All parameters by readable paths, such as "red.reflectance", to read; see `with_params`."""
+        if self._params is None:
+            self._params = Params(self.description, self._places)
+        return self._params
+
+    def __getitem__(self, path: str) -> Any:  # noqa: ANN401
+        """The value of a parameter; the same as `params[path]`."""
+        return self.params[path]
+
+    def __setitem__(self, path: str, value: object) -> None:
+        """Changes a parameter; see `with_params`. Renderings that were made before are not affected."""
+        self.update({path: value})
+
+    def update(self, values: Mapping[str, Any]) -> None:
+        """Changes several parameters of this scene at once; see `with_params`."""
+        self.__dict__.update(self.with_params(values).__dict__)
+
+    def with_params(self, values: Mapping[str, Any]) -> Scene:
+        """The same scene with other values of some parameters.
+
+        Renders are the same, bit for bit, as those of a scene that was loaded with these values. Only what
+        depends on them is made anew: nothing for a camera, no acceleration structure for a colour.
+
+        Args:
+            values: by the paths of `params`. A value is what the path would return, or what a scene dict
+                takes there: a number, a colour, an array, a `{"type": "bitmap", "data": array}`, or the
+                name of another texture or bsdf. None removes normals and uvs of a mesh, and media.
+
+        Raises:
+            ParamError: there is no such parameter; the message names the most similar one.
+            SceneError: a value is of another type or out of range, or the scene cannot be built with it.
+
+        Example:
+            >>> scene.with_params({"red.reflectance": (0.6, 0.05, 0.05), "sensor.fov": 40.0})
+        """
+        edits = self.params.edits(values)
+        changes, core = edits.changes(), edits.description()
+        try:
+            changed = self.core.with_changes(changes) or _core.Scene(core)
+        except Exception as problem:
+            raise self.params.refusal(problem, changes) from None
+        for warning in edits.warnings:
+            warn(warning)
+        result = copy.copy(self)
+        result.core = changed
+        result.description = replace(self.description, core=core)
+        result._params = self.params.after(edits, result.description)
+        return result
 
     @names_checked
     def rendering(

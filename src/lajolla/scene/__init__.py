@@ -27,7 +27,7 @@ from lajolla.film import Film
 from .description import cameras
 from .description.assemble import assemble
 from .description.builder import Builder, plugins_by_kind
-from .description.entries import Places
+from .description.entries import Objects, Places
 from .description.names import Names, Numbered
 from .description.plugins import READER_PLUGINS
 from .description.substitutes import SUBSTITUTES
@@ -46,6 +46,7 @@ __all__ = [
     "Export",
     "Names",
     "Numbered",
+    "Objects",
     "Places",
     "SceneError",
     "SceneFile",
@@ -57,6 +58,7 @@ __all__ = [
     "load_description",
     "plugins",
     "plugins_by_kind",
+    "reason_of",
     "sensor_names",
 ]
 
@@ -74,6 +76,7 @@ class Description:
     core: dict[str, Any]
     warnings: list[SceneWarning]
     places: Places = field(default_factory=Places)
+    objects: Objects = field(default_factory=Objects)  # that the entries come from
     film: Film = field(default_factory=Film)
     sensors: tuple[str, ...] = ()  # the ids, or else numbers, of all that there are
     names: Names | None = None  # of objects, if they were wanted
@@ -300,6 +303,7 @@ def _describe(tree: Tree, builder: Builder) -> Description:
         core,
         builder.diagnostics.warnings,
         builder.places,
+        builder.objects,
         builder.film,
         cameras.names(tree.root),
         builder.names,

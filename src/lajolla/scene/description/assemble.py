@@ -113,6 +113,7 @@ def _one(builder: Builder, node: Node) -> Entry:
     entry = builder.construct(node)
     if not isinstance(entry, dict):
         raise SceneError(f"{node} is not supported", node.plugin_location)
+    builder.objects.note(node.kind, entry, node)
     return entry
 
 
@@ -122,6 +123,7 @@ def _film(builder: Builder, node: Node) -> Entry:
     part = builder.construct(node)
     if not isinstance(part, FilmPart):
         raise SceneError(f"{node} is not supported", node.plugin_location)
+    builder.objects.note("film", part.entry, node)
     builder.film, builder.layers = part.film, part.layers
     return part.entry
 

@@ -17,7 +17,7 @@ from ..schema import CHILDREN, HARMLESS, TEXTURED, Field, core_schema, fields_of
 from ..syntax.errors import Blame, Diagnostics, Location, SceneError, did_you_mean
 from ..syntax.files import MissingFile, find_file
 from ..syntax.nodes import Node, Property
-from .entries import Entries, Places
+from .entries import Entries, Objects, Places
 from .names import Names, material_name
 from .outputs import Layer, Picture
 from .plugin import (
@@ -156,6 +156,7 @@ class Builder:
     indices: dict[str, int] = field(default_factory=dict)  # of bsdfs and adapters by what they are
     slots: dict[Slot, int] = field(default_factory=dict)
     places: Places = field(default_factory=Places)
+    objects: Objects = field(default_factory=Objects)
     members: Callable[[Node], Iterator[Node]] = lambda node: iter((node,))  # of a run, one by one
     pictures: Budget = field(default_factory=Budget)
     sky_pixels: int = 0  # of the pictures of skies
@@ -367,6 +368,8 @@ class Builder:
     def slot(self, node: Node) -> Slot | None:
         """The material slot of a bsdf; None when it is ignored."""
         if node not in self.materials_of:
+            if node.plugin.lower() == "twosided":
+                self.objects.inherit(node, (child for _, child in node.children("bsdf")))
             result = self.construct(node)
             slot = Slot(self.add_once("bsdfs", result, node)) if isinstance(result, dict) else result
             if self.names is not None and isinstance(slot, Slot):
@@ -386,6 +389,7 @@ class Builder:
             self._count_lookups(entry, node)
         index = entries.add(entry)
         self.places[f"{where}[{index}]"] = node.location
+        self.objects.note(f"{where}[{index}]", entry, node)
         if self.names is not None:
             self.names.note(where, index, node)
         return index
@@ -400,8 +404,9 @@ class Builder:
         self.lookups.append(lookups)
 
     def add_once(self, where: str, entry: Entry, node: Node) -> int:
-        """The index of an entry of a list; the same one is not added twice."""
-        key = self.key_of(where, entry)
+        """The index of an entry of a list; the same one is not added twice, unless objects with other ids
+        are the same: one of them may be changed later."""
+        key = self.key_of(where, entry, self.objects.id_of(node))
         if key not in self.indices:
             if where == "bsdfs":
                 self.transmissive.append(self._is_transmissive(entry, node))
@@ -409,9 +414,9 @@ class Builder:
         return self.indices[key]
 
     @staticmethod
-    def key_of(where: str, entry: Entry) -> str:
-        """By what an entry of a list is known."""
-        return repr((where, entry))
+    def key_of(where: str, entry: Entry, name: str = "") -> str:
+        """By what an entry of a list is known, with the id of its object."""
+        return repr((where, entry, name))
 
     def _is_transmissive(self, entry: Entry, node: Node) -> bool:
         """Lets the core validate the values."""

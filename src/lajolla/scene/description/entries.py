@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any, overload
 
 from ..syntax.errors import Location
 from ..syntax.members import Run
+from ..syntax.nodes import Node
 
 Entry = dict[str, Any]
 
@@ -57,6 +59,33 @@ def row_of(entry: Entry, index: int) -> Entry:
     if not any(hasattr(value, "row") for value in entry.values()):
         return entry
     return {name: value.row(index) if hasattr(value, "row") else value for name, value in entry.items()}
+
+
+@dataclass
+class Objects:
+    """Of entries by their names ("bsdfs[3]"): the ids that their objects have in the scene, where they have
+    one, and the plugins that made them, where those are not named like the core's model."""
+
+    ids: dict[str, str] = field(default_factory=dict)
+    plugins: dict[str, str] = field(default_factory=dict)
+
+    inherited: dict[Node, str] = field(default_factory=dict)
+
+    def inherit(self, node: Node, names: Iterable[Node]) -> None:
+        """Notes that objects without an id share that of the object around them, which is no entry."""
+        self.inherited.update({inner: self.id_of(node) for inner in names if not inner.id})
+
+    def id_of(self, node: Node) -> str:
+        """The id of an object, or that which it shares."""
+        return node.id or self.inherited.get(node, "")
+
+    def note(self, where: str, entry: Entry, node: Node) -> None:
+        """Notes that an entry comes from this object."""
+        name = self.id_of(node)
+        if name:
+            self.ids[where] = name
+        if node.plugin and node.plugin != entry.get("type"):
+            self.plugins[where] = node.plugin
 
 
 class Places(dict[str, Location]):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -164,7 +164,7 @@ def _texture_spectrum(context: Context, owner: Node, prop: Property, field: Fiel
     if value is None:
         return None
     if isinstance(value, dict):
-        return _clamp_texture(context, owner, value, prop, field)
+        return clamp_texture(context, owner, value, prop, field)
     if isinstance(value, int | float):
         rgb = (float(value),) * 3
     else:
@@ -255,7 +255,7 @@ def _clamp(
     return clamped
 
 
-def _clamp_texture(context: Context, owner: Node, value: Use, prop: Property, field: Field) -> Use:
+def clamp_texture(context: Context, owner: Node, value: Use, prop: Property, field: Field) -> Use:
     """The texture, with its values brought into the field's range where they may leave it."""
     node = prop.value if isinstance(prop.value, Node) else owner
     if field.type == "texture_float":
@@ -286,6 +286,16 @@ def _array(context: Context, owner: Node, prop: Property, field: Field) -> objec
     return prop.value if not isinstance(prop.value, Node | str | int | float | Vector) else None
 
 
+def _table(context: Context, owner: Node, prop: Property, field: Field) -> object:
+    """An array; three numbers are one too."""
+    value = np.array(prop.value.xyz) if isinstance(prop.value, Vector) else prop.value
+    return value if hasattr(value, "__len__") and not isinstance(value, str) else None
+
+
+def _tables(context: Context, owner: Node, prop: Property, field: Field) -> object:
+    return prop.value if isinstance(prop.value, Mapping) else None
+
+
 def _object(name: str) -> Converter:
     """A converter to objects of one of the core's classes, which only Python can make."""
 
@@ -304,7 +314,7 @@ def _mesh(context: Context, owner: Node, prop: Property, field: Field) -> _core.
         return None
     try:
         vertices = np.ascontiguousarray(given.vertices, np.float32)
-        faces = np.ascontiguousarray(given.faces)
+        faces = np.ascontiguousarray(given.faces if hasattr(given, "faces") else given.triangles)
         if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
             raise ValueError("its faces name vertices that are not there")
         uvs = getattr(getattr(given, "visual", None), "uv", None)
@@ -340,6 +350,8 @@ CONVERTERS: dict[str, Converter] = {
     "mesh": _mesh,
     "curves": _object("Curves"),
     "image": _array,
+    "array": _table,
+    "arrays": _tables,
 }
 
 EXPECTED = {
@@ -363,4 +375,6 @@ EXPECTED = {
     "mesh": "a mesh object",
     "curves": "a curves object",
     "image": "an image object",
+    "array": "an array",
+    "arrays": "a dict of arrays",
 }

@@ -16,6 +16,7 @@ from .foreign import is_mesh, plain
 from .literals import Text, checked_spectrum, parse_rgb
 from .nodes import KINDS, Node, Property, Reference, Rgb, Spectrum, SpectrumFile, Value, Vector
 from .resolve import MAX_NESTING
+from .transforms import look_at
 from .typed import Tree
 
 Names: TypeAlias = Mapping[str, Collection[str]]  # of plugins in lower case, by kind
@@ -25,6 +26,7 @@ Names: TypeAlias = Mapping[str, Collection[str]]  # of plugins in lower case, by
 MOST_REPEATED = 1 << 14
 MOST_MEETINGS = 64
 MOST_SAMPLES = 1 << 16  # of a spectrum
+TABLES = ("attributes",)  # parameters that are dicts of arrays
 LOSSY = ("roughconductor", "roughdielectric", "roughplastic")  # where microfacets shadow each other
 
 
@@ -51,6 +53,25 @@ def nodes_from_dict(scene: Mapping[str, Any], base_path: Path, known: Names, rep
     reader.properties(scene, root, [])
     _give_back_lost_light(reader.tree.nodes)
     return reader.tree
+
+
+def value_from_python(
+    value: object, path: str, source: Source, known: Names, replaced: Names
+) -> tuple[Value, Tree]:
+    """A value of one parameter, and the nodes that it consists of if it is a dict.
+
+    Args:
+        value: as in a scene dict.
+        path: of the parameter, for messages.
+        source, known, replaced: as for `nodes_from_dict`.
+
+    Raises:
+        SceneError: as `nodes_from_dict`.
+    """
+    reader = _DictReader(source, known, replaced)
+    location = Location(source, key=path)
+    reader.tree = Tree(Node("scene", "scene", location, location), nodes=[])
+    return reader.value(value, path.rsplit(".", 1)), reader.tree
 
 
 def _give_back_lost_light(nodes: Iterable[Node]) -> None:
@@ -103,7 +124,7 @@ class _DictReader:
         """A node for a dict, and a typed value for anything else."""
         location = self.at(path)
         if isinstance(entry, Mapping):
-            return self.typed(entry, path)
+            return self.arrays(entry, path) if path[-1] in TABLES else self.typed(entry, path)
         value = plain(entry, location)
         if isinstance(value, int) and abs(value) > sys.float_info.max:
             raise SceneError("the number is too large", location)
@@ -134,6 +155,8 @@ class _DictReader:
             return _rgb(_plain(entry["value"], location), location, srgb=kind_of_value == "srgb")
         if kind_of_value == "spectrum":
             return _spectrum(entry, location)
+        if kind_of_value == "look_at":
+            return self.look_at(entry, path)
         name = str(entry.get("id", path[0] if len(path) == 1 else ""))
         kind = self.kind(kind_of_value, path[-1], location)
         node = Node(kind, kind_of_value, location, location, name)
@@ -141,6 +164,29 @@ class _DictReader:
         self.tree.nodes.append(node)
         self.properties(entry, node, path)
         return node
+
+    def look_at(self, entry: Mapping[str, Any], path: list[str]) -> Value:
+        """A matrix that places a camera: "origin", "target", and "up", which is +y by default."""
+        location = self.at(path)
+        for name in entry:
+            if name not in ("type", "origin", "target", "up"):
+                hint = did_you_mean(str(name), ("origin", "target", "up"))
+                raise SceneError(f'a look_at has no "{name}"{hint}', location)
+        points = []
+        for name in ("origin", "target", "up"):
+            value = _array_value(_plain(entry.get(name, (0.0, 1.0, 0.0) if name == "up" else None), location))
+            if not isinstance(value, Vector) or not np.all(np.isfinite(value.xyz)):
+                raise SceneError(f'a look_at needs "{name}": three numbers', location)
+            points.append(np.array(value.xyz))
+        try:
+            return look_at(*points)
+        except ValueError:
+            message = "origin and target are the same, or up points along the view"
+            raise SceneError(message, location) from None
+
+    def arrays(self, entry: Mapping[str, Any], path: list[str]) -> Value:
+        """Arrays by name, as a value of one parameter."""
+        return {str(name): plain(value, self.at([*path, str(name)])) for name, value in entry.items()}
 
     def kind(self, plugin: str, key: str, location: Location) -> str:
         """The kind of object that a plugin name means; the key may be that of a kind ("integrator")."""

@@ -1,7 +1,7 @@
 """Objects of other libraries in scene dicts, converted by common protocols or rejected.
 
 No library is imported for this. Paths have `__fspath__`; arrays, tensors and pictures have `__array__` or a
-similar protocol; transforms have `matrix`; meshes have `vertices` and `faces`.
+similar protocol; transforms have `matrix`; meshes have `vertices`, and `faces` or `triangles`.
 """
 
 from __future__ import annotations
@@ -49,8 +49,9 @@ def plain(value: Any, location: Location) -> Any:  # noqa: ANN401
 
 
 def is_mesh(value: Any) -> bool:  # noqa: ANN401
-    """Whether an object of another library is a triangle mesh, such as those of trimesh."""
-    return hasattr(value, "vertices") and hasattr(value, "faces") and not isinstance(value, np.ndarray)
+    """Whether an object of another library is a triangle mesh, such as those of trimesh and Open3D."""
+    has_faces = hasattr(value, "faces") or hasattr(value, "triangles")
+    return hasattr(value, "vertices") and has_faces and not isinstance(value, np.ndarray)
 
 
 def type_name(value: object) -> str:

@@ -21,7 +21,7 @@ from .textures import ARRAYS, decode, pixels_from_python
 def _envmap(context: Context, node: Node, values: Values) -> Entry:
     array = pixels_from_python(node, values)
     if array is not None:
-        image = _panorama(context, *array, "the panorama", node.location)
+        image = panorama(context, *array, "the panorama", node.location)
         return {"type": "envmap", "image": image, **values}
     values.pop("filename", None)
     path, location = context.find(node)
@@ -29,12 +29,12 @@ def _envmap(context: Context, node: Node, values: Values) -> Entry:
 
     def read() -> _core.Image:
         pixels, is_integer = read_pixels(path, location, context.pictures, pixel=FLOAT_RGB)
-        return _panorama(context, pixels, is_integer, f'"{path.name}"', location)
+        return panorama(context, pixels, is_integer, f'"{path.name}"', location)
 
     return {"type": "envmap", "image": context.once(key, read), **values}
 
 
-def _panorama(
+def panorama(
     context: Context, pixels: Pixels, is_encoded: bool, name: str, location: Location
 ) -> _core.Image:
     """A picture of light: linear, and never negative."""

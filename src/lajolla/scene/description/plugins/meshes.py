@@ -10,6 +10,7 @@ import numpy as np
 
 from lajolla import _core
 
+from ...formats.mesh_arrays import MESH_ARRAYS, mesh_of
 from ...formats.mtl import materials_of
 from ...schema import CHILDREN, Field
 from ...syntax.errors import Location, SceneError
@@ -138,6 +139,22 @@ def _bsdf_of(material: str, bsdfs: list[tuple[str, Node]], library: dict[str, No
     return result
 
 
+def _from_arrays(context: Context, node: Node, values: Values) -> Entry:
+    """A mesh object, or one of arrays; without normals it is smooth, as those of files are."""
+    given = {name: values.pop(name) for name in MESH_ARRAYS if name in values}
+    attributes = values.pop("attributes", {})
+    if "mesh" in values:
+        if given or attributes:
+            raise SceneError(f"{node} takes a mesh or arrays, not both", node.location)
+        return {"type": "mesh", **values}
+    try:
+        mesh = mesh_of({**given, **attributes})
+    except ValueError as problem:
+        raise SceneError(f"{node}: {problem}", node.location) from None
+    _, mesh = _with_normals(context, ("arrays", node), mesh, values)
+    return {"type": "mesh", "mesh": mesh, **values}
+
+
 FILENAME = Field("filename", "string", "the mesh")
 FLIP_V = "count v from the top"
 SMOOTH = Field(
@@ -174,7 +191,16 @@ def _file_plugin(name: str, doc: str, flip: bool, *fields: Field) -> Plugin:
     )
 
 
+ARRAYS = (
+    Field("positions", "array", "from Python: (N, 3) vertices"),
+    Field("triangles", "array", "from Python: (M, 3) indices of vertices"),
+    Field("normals", "array", "from Python: (N, 3) unit vectors; computed if missing"),
+    Field("uvs", "array", "from Python: (N, 2) texture coordinates"),
+    Field("attributes", "arrays", 'from Python: {"vertex_...": (N, channels), "face_...": (M, channels)}'),
+)
+
 PLUGINS = (
+    Plugin("shape", "mesh", "", ARRAYS, _from_arrays, CHILDREN["shape"], model="mesh"),
     _file_plugin("obj", "Triangles from a Wavefront OBJ file.", True, *OBJ),
     _file_plugin("ply", "Triangles from a PLY file, ascii or binary.", False, SRGB),
     _file_plugin("serialized", "Triangles from Mitsuba's compressed format.", False, INDEX),

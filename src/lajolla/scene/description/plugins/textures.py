@@ -22,7 +22,7 @@ def _bitmap(context: Context, node: Node, values: Values) -> Entry:
     encoded = not (raw or gamma == 1 or is_alpha(channel))
     array = pixels_from_python(node, values, channel)
     if array is not None:
-        image = _image(array[0], gamma, encoded=encoded and array[1])
+        image = bitmap_image(array[0], gamma, encoded=encoded and array[1])
     else:
         path, location = context.find(node)
         key = ("texture", identity(path), raw, gamma, channel)
@@ -31,7 +31,7 @@ def _bitmap(context: Context, node: Node, values: Values) -> Entry:
             context.reading(path, location)
             decoded = FLOAT_RGB if gamma > 0 and gamma != 1 else 0
             pixels, is_integer = read_pixels(path, location, context.pictures, channel, pixel=decoded)
-            return _image(pixels, gamma, encoded=encoded and is_integer)
+            return bitmap_image(pixels, gamma, encoded=encoded and is_integer)
 
         image = context.once(key, read)
     return {"type": "bitmap", "image": image, **values}
@@ -42,7 +42,7 @@ def is_alpha(channel: str) -> bool:
     return channel.lower() == "a"
 
 
-def _image(pixels: Pixels, gamma: float, *, encoded: bool) -> _core.Image:
+def bitmap_image(pixels: Pixels, gamma: float = -1.0, *, encoded: bool) -> _core.Image:
     """An image of the core. What is encoded is sRGB, or follows a power law where `gamma` > 0."""
     if pixels.dtype == np.uint8 and not (encoded and gamma > 0):
         return _core.Image(pixels, srgb=encoded)

@@ -67,7 +67,7 @@ def load_voxels(context: Context, node: Node, values: Values) -> tuple[Voxels, L
         if "filename" in values:
             message = f"{node} takes a file or an array, not both"
             raise SceneError(message, node.property_location("filename"))
-        return Voxels(_from_array(node, arrays[0]), np.eye(4)), node.location
+        return Voxels(grid_values(node, arrays[0]), np.eye(4)), node.location
     values.pop("filename", None)
     path, location = context.find(node)
     key = ("volume", identity(path), grid_name)
@@ -104,14 +104,14 @@ def _finite(context: Context, array: npt.NDArray[np.generic], location: Location
     return np.ascontiguousarray(array)
 
 
-def _from_array(node: Node, data: object) -> npt.NDArray[np.generic]:
+def grid_values(node: Node, data: object) -> npt.NDArray[np.generic]:
     try:
         array = np.asarray(data)
         array = array[..., None] if array.ndim == 3 else array
         if array.ndim != 4 or array.shape[3] not in (1, 3, 6) or 0 in array.shape:
             message = f'"data" of {node} must have the shape (depth, height, width[, 1, 3 or 6])'
             raise SceneError(message, node.location)
-        return array if array.dtype in KEPT else array.astype(np.float32)
+        return np.ascontiguousarray(array if array.dtype in KEPT else array.astype(np.float32))
     except (TypeError, ValueError):
         raise SceneError(f'"data" of {node} is not an array', node.location) from None
 

@@ -1,0 +1,251 @@
+"""The parameters of a loaded scene, by readable paths, as Mitsuba's `traverse` shows them.
+
+scene.params["red.reflectance"]                # reads
+scene["red.reflectance"] = (0.6, 0.05, 0.05)   # changes the scene
+other = scene.with_params({"sensor.fov": 40})  # a changed copy, which shares what is the same
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from lajolla import _core
+from lajolla.messages import suggestion
+from lajolla.params.edits import Edits
+from lajolla.params.objects import MATERIAL, Lists, SceneObject, names_by_entry, objects_of
+from lajolla.params.values import WITH_OBJECTS, mesh_array, mesh_names, readable
+from lajolla.scene import Description, Objects, Places, SceneError, reason_of
+from lajolla.scene.formats.mesh_arrays import ATTRIBUTES
+from lajolla.scene.schema import Field
+
+__all__ = ["Info", "ParamError", "Params", "SceneObject"]
+
+
+class ParamError(KeyError):
+    """There is no parameter of this path; the message names the most similar one."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+@dataclass(frozen=True)
+class Info:
+    """Where an object of a scene comes from, and what it is.
+
+    Attributes:
+        name: what the paths of its parameters begin with.
+        kind: "bsdf", "shape", "emitter", ...
+        plugin: its name in the scene file, such as "obj" or "sunsky".
+        model: the model of the renderer that this became, such as "mesh" or "envmap".
+        file, line: where it is in a scene file, lines counted from one; the key in a dict, and 0; "" and 0 if
+            that is not known.
+        params: the names of its parameters.
+    """
+
+    name: str
+    kind: str
+    plugin: str
+    model: str
+    file: str
+    line: int
+    params: tuple[str, ...]
+
+
+class Params(Mapping[str, Any]):
+    """All parameters of a scene: a mapping of paths, such as "red.reflectance", to values.
+
+    Values are NumPy arrays (colours, vectors, matrices, pixels (height, width, 1 or 3), voxels, and the
+    arrays of meshes) or Python's numbers, truth values and strings. What refers to another object, such as
+    a reflectance to a texture, has the name of that object as its value.
+    """
+
+    def __init__(self, description: Description, places: Places | None = None) -> None:
+        self._lists = Lists(description.core)
+        self._known: Objects = description.objects
+        self._places = places or Places()
+
+    @cached_property
+    def objects(self) -> dict[str, SceneObject]:
+        """All objects by name."""
+        return objects_of(self._lists, self._known)
+
+    @cached_property
+    def _names(self) -> dict[str, str]:
+        return names_by_entry(self.objects)
+
+    @cached_property
+    def _aliases(self) -> dict[str, str]:
+        """Ids of the objects of which a scene has one, such as the camera."""
+        ids = {self._known.ids[name]: name for name in self.objects if name in self._known.ids}
+        return {name: found for name, found in ids.items() if name not in self.objects}
+
+    def __iter__(self) -> Iterator[str]:
+        for name, found in self.objects.items():
+            yield from (f"{name}.{param}" for param in self._params_of(found))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __getitem__(self, path: str) -> Any:  # noqa: ANN401
+        """The value of a parameter. Raises ParamError."""
+        found, param = self.find(path)
+        entry: Any = self._entry(found)
+        if param in SPECIAL:
+            return self._special(entry, param)
+        if param not in found.fields:
+            return mesh_array(entry["mesh"], param)
+        field = found.fields[param]
+        return self._value(field, entry.get(param, field.default))
+
+    def __repr__(self) -> str:
+        return "\n".join(f"{path} = {short(self[path])}" for path in self)
+
+    def info(self, name: str) -> Info:
+        """Where an object comes from, and what it is; also of the object of a parameter's path.
+
+        Raises ParamError.
+        """
+        name = self._aliases.get(name, name)
+        found = self.objects[name] if name in self.objects else self.find(name)[0]
+        plugin = self._known.plugins.get(found.entry, found.model) if not found.inner else found.model
+        place = self._places.find(found.entry)
+        file, line = "", 0
+        if place is not None:
+            file = place.key or place.source.name
+            line = place.line if place.source.data else 0
+        params = tuple(self._params_of(found))
+        return Info(found.name, found.kind, plugin, found.model, file, line, params)
+
+    def field(self, path: str) -> Field:
+        """The declaration of a parameter: type, default, minimum, maximum, unit, choices and description.
+
+        Raises ParamError.
+        """
+        found, param = self.find(path)
+        return found.fields.get(param) or OTHERS.get(param) or ARRAY
+
+    def find(self, path: str) -> tuple[SceneObject, str]:
+        """The object and the name of the parameter that a path means. Raises ParamError."""
+        name, _, param = str(path).rpartition(".")
+        found = self.objects.get(self._aliases.get(name, name))
+        if found is not None and self._has(found, param):
+            return found, param
+        known = [f"{name}.{p}" for p in self._params_of(found)] if found else list(self)
+        hint = suggestion(str(path), known) if found or len(known) < 10000 else ""
+        raise ParamError(f"the scene has no parameter {path!r}{hint if len(hint) < 1000 else ''}")
+
+    def edits(self, values: Mapping[str, Any]) -> Edits:
+        """The changes of some parameters. Raises ParamError, and SceneError for values that do not fit."""
+        edits = Edits(self._lists, self.objects)
+        for path, value in values.items():
+            found, param = self.find(path)
+            if param == "size":
+                edits.set_size(found, value, path)
+            elif param == "bsdf" and found.kind == "shape":
+                edits.set_bsdf(found, value, path)
+            elif param in SPECIAL:
+                edits.set_medium(found, param, value, path)
+            elif param in found.fields:
+                edits.set(found, found.fields[param], value, path)
+            else:
+                edits.set_array(found, param, value, path)
+        return edits
+
+    def after(self, edits: Edits, description: Description) -> Params:
+        """The parameters of the description that the edits made."""
+        result = Params(description, self._places)
+        if not edits.refers_anew:
+            result.__dict__["objects"] = self.objects
+        return result
+
+    def refusal(self, problem: Exception, changes: Mapping[str, Any]) -> SceneError:
+        """The error to raise when the core refuses changes: the core's message with an object's name."""
+        entry = re.match(r"(\w+(?:\[\d+\])?)(?: \(\w+\))?(?:\.|: )(.*)", str(problem), re.DOTALL)
+        if isinstance(problem, _core.DescriptionError) and entry and entry[1] in changes:
+            return SceneError(f"{self._names.get(entry[1], entry[1])}: {entry[2]}")
+        return SceneError(reason_of(problem))
+
+    def _has(self, found: SceneObject, param: str) -> bool:
+        if param in found.fields or param in self._params_of(found):
+            return True
+        return "mesh" in found.fields and param.startswith(ATTRIBUTES)
+
+    def _params_of(self, found: SceneObject) -> Iterator[str]:
+        """The names of an object's parameters: fields, arrays of meshes, and references that are no fields."""
+        for field in found.fields.values():
+            if field.type == "mesh":
+                yield from mesh_names(self._entry(found)["mesh"])
+            elif field.type != "bsdf":
+                yield field.name
+        if found.kind == "film":
+            yield "size"
+        elif found.kind == "shape":
+            yield "bsdf"
+            yield from ("interior", "exterior") if self._lists.core.get("media") else ()
+        elif found.kind == "sensor" and self._lists.core.get("media"):
+            yield "medium"
+
+    def _entry(self, found: SceneObject) -> Mapping[str, Any]:
+        entry = self._lists.entry(found.entry)
+        for inner in found.inner:
+            entry = entry[inner]
+        return entry
+
+    def _special(self, entry: Mapping[str, Any], param: str) -> Any:  # noqa: ANN401
+        if param == "size":
+            return (entry["width"], entry["height"])
+        if param != "bsdf":
+            return self._name("media", entry.get(param, -1))
+        if entry.get("material", -1) < 0:
+            return None
+        return self._material(self._lists.entry(f"materials[{entry['material']}]")["front"])
+
+    def _value(self, field: Field, value: Any) -> Any:  # noqa: ANN401
+        if field.type == MATERIAL:
+            return self._material(value)
+        if field.type == "phase":
+            return self._name("phases", value)
+        if field.type in WITH_OBJECTS and isinstance(value, Mapping):
+            return self._use(value)
+        return readable(field.type, value)
+
+    def _use(self, value: Mapping[str, Any]) -> str | None:
+        if "volume" in value:
+            return self._name("volumes", value["volume"])
+        entry = self._lists.entry(f"textures[{value['texture']}]")
+        return self._use(entry["texture"]) if entry["type"] == "clamped" else self._name(
+            "textures", value["texture"]
+        )
+
+    def _material(self, value: int | Mapping[str, int]) -> str | None:
+        if isinstance(value, Mapping):
+            return self._name("adapters", value["adapter"])
+        return self._name("bsdfs", value)
+
+    def _name(self, where: str, index: int) -> str | None:
+        return self._names.get(f"{where}[{index}]")
+
+
+SPECIAL = ("size", "bsdf", "interior", "exterior", "medium")
+OTHERS = {
+    "size": Field("size", "size", "width and height in pixels; the whole film is rendered"),
+    "bsdf": Field("bsdf", "bsdf", "name of the bsdf that the shape looks like"),
+    "interior": Field("interior", "medium", "name of the medium inside"),
+    "exterior": Field("exterior", "medium", "name of the medium outside"),
+    "medium": Field("medium", "medium", "name of the medium in which the camera is"),
+    "positions": Field("positions", "array", "(N, 3) vertices, before to_world"),
+    "triangles": Field("triangles", "array", "(M, 3) indices of vertices"),
+    "normals": Field("normals", "array", "(N, 3) unit vectors, or None: flat"),
+    "uvs": Field("uvs", "array", "(N, 2) texture coordinates, or None"),
+}
+ARRAY = Field("attribute", "array", "(N or M, channels) values per vertex or per face")
+
+
+def short(value: object) -> str:
+    """A value in one line."""
+    shape = getattr(value, "shape", ())
+    return f"<array {shape}>" if len(shape) > 1 or (shape and shape[0] > 6) else repr(value)

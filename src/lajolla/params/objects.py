@@ -1,0 +1,194 @@
+"""The objects of a scene's description, with readable names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from lajolla.scene import Objects, core_schema
+from lajolla.scene.schema import Field, fields_of
+
+Entry: TypeAlias = Mapping[str, Any]
+
+KINDS = {  # of the entries in the description's lists
+    "textures": "texture",
+    "bsdfs": "bsdf",
+    "adapters": "adapter",
+    "emitters": "emitter",
+    "volumes": "volume",
+    "phases": "phase",
+    "media": "medium",
+    "shapes": "shape",
+    "instances": "instance",
+}
+SINGLE = ("integrator", "sensor", "film", "rfilter", "sampler")  # of which a scene has one; their own kinds
+ONE_MODEL = {"film": "film", "instance": "instance"}  # kinds without "type"
+PLACEMENT = Field("to_world", "transform", "placement of the group in the scene", np.eye(4).tolist())
+MATERIAL = "material"  # the type of fields that refer to a bsdf or an adapter
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """An object of a scene.
+
+    Attributes:
+        name: what the paths of its parameters begin with: its id in the scene, or one made of the name of the
+            object that it is a part of, or of its kind and number.
+        kind: "bsdf", "shape", ...
+        model: the model that it is in the core, as in `lajolla list`.
+        entry: of the description that it is, such as "bsdfs[3]".
+        inner: names of the fields that lead to it within that entry: ("base",) for what a coating covers.
+    """
+
+    name: str
+    kind: str
+    model: str
+    entry: str
+    inner: tuple[str, ...] = ()
+
+    @cached_property
+    def fields(self) -> dict[str, Field]:
+        """The fields of its model, by name."""
+        own = fields_of(core_schema(), self.kind, self.model) if self.kind != "instance" else (PLACEMENT,)
+        return {f.name: f for f in own}
+
+
+def place_of(entry: str) -> tuple[str, int]:
+    """The list and the index of "bsdfs[3]"; index 0 for the entries that are not in lists."""
+    where, _, index = entry.removesuffix("]").partition("[")
+    return where, int(index or 0)
+
+
+@dataclass
+class Lists:
+    """Access to the entries of a description by their names."""
+
+    core: dict[str, Any]
+    _firsts: dict[str, np.ndarray[Any, Any]] = field(default_factory=dict)
+
+    def count(self, where: str) -> int:
+        """The number of entries in a list."""
+        return int(self.firsts(where)[-1])
+
+    def firsts(self, where: str) -> np.ndarray[Any, Any]:
+        """The indices of the first entry that each stored one represents (see `_core.Column`), and the end."""
+        if where not in self._firsts:
+            counts = [rows_in(entry) for entry in self.core.get(where, ())]
+            self._firsts[where] = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+        return self._firsts[where]
+
+    def stored(self, where: str, index: int) -> tuple[int, int]:
+        """The position of the stored entry that represents one of a list, and which of its rows that is."""
+        firsts = self.firsts(where)
+        if index < 0 or index >= firsts[-1]:
+            raise IndexError(f"{where}[{index}]")
+        at = int(np.searchsorted(firsts, index, side="right")) - 1
+        return at, index - int(firsts[at])
+
+    def entry(self, name: str) -> Entry:
+        """The entry of a name."""
+        where, index = place_of(name)
+        if where not in KINDS and where not in ("materials", "groups"):
+            single: Entry = self.core[where]
+            return single
+        at, row = self.stored(where, index)
+        stored = self.core[where][at]
+        return {k: v.row(row) if hasattr(v, "row") else v for k, v in stored.items()}
+
+
+def rows_in(entry: Entry) -> int:
+    """How many entries a stored one represents."""
+    return next((len(value) for value in entry.values() if hasattr(value, "row")), 1)
+
+
+def objects_of(lists: Lists, known: Objects) -> dict[str, SceneObject]:
+    """All objects of a description by their names: the camera and what there is one of, shapes with their
+    parts, instances, and lights that have no shape."""
+    return _Namer(lists, known).objects
+
+
+class _Namer:
+    def __init__(self, lists: Lists, known: Objects) -> None:
+        self.lists, self.known = lists, known
+        self.objects: dict[str, SceneObject] = {}
+        self.named: set[str] = set()  # entries
+        for where in SINGLE:
+            self.add(where, where, where, lists.entry(where))
+        medium = lists.entry("sensor").get("medium", -1)
+        self.refer("media", medium, "sensor.medium")
+        for index in range(lists.count("shapes")):
+            self.shape(index)
+        for where in ("instances", "emitters"):
+            for index in range(lists.count(where)):
+                self.refer(where, index, f"{KINDS[where]}_{index + 1}")
+
+    def shape(self, index: int) -> None:
+        name = self.refer("shapes", index, f"shape_{index + 1}")
+        entry = self.lists.entry(f"shapes[{index}]")
+        self.refer("emitters", entry.get("emitter", -1), f"{name}.emitter")
+        if entry.get("material", -1) >= 0:
+            material = self.lists.entry(f"materials[{entry['material']}]")
+            self.material(material.get("front", -1), f"{name}.bsdf")
+            self.material(material.get("back", -1), f"{name}.bsdf_back")
+        for side in ("interior", "exterior"):
+            self.refer("media", entry.get(side, -1), f"{name}.{side}")
+
+    def material(self, material: int | Mapping[str, int], suggested: str) -> None:
+        if isinstance(material, Mapping):
+            self.refer("adapters", material["adapter"], suggested)
+        else:
+            self.refer("bsdfs", material, suggested)
+
+    def refer(self, where: str, index: int, suggested: str) -> str:
+        """Names an entry, and all that it refers to, if they have no name yet."""
+        entry_name = f"{where}[{index}]"
+        if index < 0 or entry_name in self.named:
+            return ""
+        self.named.add(entry_name)
+        entry = self.lists.entry(entry_name)
+        if entry.get("type") == "clamped":  # the reader's: a texture in the range of its field
+            self.use(entry["texture"], suggested)
+            return ""
+        name = self.unique(self.known.ids.get(entry_name, suggested))
+        self.add(name, KINDS[where], entry_name, entry)
+        return name
+
+    def add(self, name: str, kind: str, entry_name: str, entry: Entry, inner: tuple[str, ...] = ()) -> None:
+        model = ONE_MODEL.get(kind) or entry["type"]
+        found = self.objects[name] = SceneObject(name, kind, model, entry_name, inner)
+        for f in found.fields.values():
+            self.part(name, f, entry.get(f.name, f.default), entry_name, inner)
+
+    def part(self, name: str, f: Field, value: Any, entry: str, inner: tuple[str, ...]) -> None:  # noqa: ANN401
+        path = f"{name}.{f.name}"
+        if f.type == MATERIAL:
+            self.material(value, path)
+        elif f.type == "phase":
+            self.refer("phases", value, path)
+        elif f.type == "bsdf" and isinstance(value, Mapping):
+            self.add(path, "bsdf", entry, value, (*inner, f.name))
+        else:
+            self.use(value, path)
+
+    def use(self, value: object, suggested: str) -> None:
+        """Names the texture or the volume that a value refers to."""
+        if isinstance(value, Mapping):
+            for kind, where in (("texture", "textures"), ("volume", "volumes")):
+                if kind in value:
+                    self.refer(where, value[kind], suggested)
+
+    def unique(self, name: str) -> str:
+        if name not in self.objects:
+            return name
+        return next(n for i in range(2, len(self.objects) + 3) if (n := f"{name}_{i}") not in self.objects)
+
+
+def names_by_entry(objects: Mapping[str, SceneObject]) -> dict[str, str]:
+    """The names of objects by their entries."""
+    return {found.entry: found.name for found in objects.values() if not found.inner}
+
+
