@@ -206,7 +206,9 @@ def test_pictures_arrive_as_they_were_sent(height: int, width: int) -> None:
 
 def test_numbers_beyond_half_floats_are_their_largest() -> None:
     values = np.array([[[1e9, -1e9, 0]]], np.float32)
-    np.testing.assert_array_equal(readable(list(bands(Picture(values, 0, 0, (0, 0, 1, 1))))).pixels, [[[65504, -65504, 0]]])
+    np.testing.assert_array_equal(
+        readable(list(bands(Picture(values, 0, 0, (0, 0, 1, 1))))).pixels, [[[65504, -65504, 0]]]
+    )
 
 
 def test_help_names_the_command(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -364,8 +364,11 @@ def _add_render(parser: Parser) -> None:
 
 def _add_view(parser: Parser) -> None:
     _add_scene(parser)
-    group = parser.add_argument_group("viewer (ends to render at --spp or --noise; default: 0.2 % of noise)")
-    group.add_argument("--noise", type=_noise, metavar="X", help="relative error of the picture, as estimated")
+    group = parser.add_argument_group("viewer")
+    group.add_argument(
+        "--noise", type=_noise, metavar="X", help="render until this relative error of the picture, as estimated"
+    )
+    group.add_argument("--compare", type=Path, metavar="PICTURE", help="picture to compare with in the page")
     group.add_argument("--port", type=_whole("port"), default=0, metavar="N", help="default: any free one")
     group.add_argument("--no-browser", action="store_true", help="only print the address")
     group.add_argument(
@@ -609,8 +612,8 @@ def _is_stream(path: Path) -> bool:
     return str(path) in STREAMS or is_device(path)
 
 
-def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -> str:
-    """The command that repeats one sample of this render."""
+def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int | None = None) -> str:
+    """The command that repeats one sample of a pixel of this render, or all of them."""
     words = ["lajolla", "render", str(arguments.scene)]
     words += [word for name, value in arguments.parameters for word in ("-D", f"{name}={value}")]
     if arguments.size:
@@ -624,4 +627,9 @@ def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -
         words += ["--two-sided"]
     if arguments.hide_emitters:
         words += ["--hide-emitters"]
-    return shlex.join([*words, "--pixel", f"{x},{y}", "--sample", str(sample)])
+    words += ["--pixel", f"{x},{y}"]
+    if sample is not None:
+        words += ["--sample", str(sample)]
+    elif arguments.spp is not None:
+        words += ["--spp", str(arguments.spp)]
+    return shlex.join(words)

@@ -1,7 +1,7 @@
 """Messages between the viewer and its page.
 
-Both sides send JSON objects with a "type"; the pictures are binary messages. `MESSAGES` declares all that a page
-may send; anything else is refused.
+Both sides send JSON objects with a "type"; the pictures are binary messages. `MESSAGES` declares all that a
+page may send; anything else is refused.
 """
 
 from __future__ import annotations
@@ -88,16 +88,16 @@ PIXEL: Mapping[str, Check] = {"x": _whole(0, 65535), "y": _whole(0, 65535)}
 MESSAGES: Mapping[str, Mapping[str, Check]] = {
     "received": {"picture": _whole(0, 2**53)},  # the page has shown a picture and takes another
     "edit": {"values": _edits},  # parameters by their paths
-    "integrator": {"name": _text},
-    "layer": {"name": _text},  # what to show: "" is the picture
+    "choose": {"integrator": _text},
+    "show": {"layer": _text},  # "" is the picture
     "crop": {"window": _optional(_window)},
-    "samples": {"limit": _optional(_whole(1, 1 << 30))},
+    "limit": {"samples": _optional(_whole(1, 1 << 30))},  # per pixel; null: the scene's number
     "pause": {},
     "resume": {},
-    "inspect": PIXEL,
     "focus": PIXEL,
-    "reload": {},
-    "parameters": {"object": _text},  # asks for those of an object
+    "inspect": PIXEL,
+    "objects": {"search": _text},
+    "parameters": {"object": _text},
 }
 
 
@@ -142,8 +142,7 @@ class Picture:
         pixels: linear colours, or what a layer holds, float32 (height, width, 3).
         number: grows with every picture.
         view: grows with every change of the scene or the camera.
-        window: left, top, width and height of what it shows, in pixels of the film; a preview has fewer pixels.
-        layer: "" for the picture itself.
+        window: left, top, width and height of what it shows, in pixels of the film; a preview has fewer.
         limits: values of a layer that are shown as black and as white; None for light.
     """
 
@@ -151,7 +150,6 @@ class Picture:
     number: int
     view: int
     window: tuple[int, int, int, int]
-    layer: str = ""
     limits: tuple[float, float] | None = None
 
 
@@ -160,12 +158,12 @@ class Picture:
 HEADER = struct.Struct("<10I I 2f 4x")
 
 
-def bands(picture: Picture) -> Iterator[bytes]:
+def bands(picture: Picture, rows: int | None = None) -> Iterator[bytes]:
     """Binary messages, each with a header and some rows of pixels as half floats, red, green and blue."""
     height, width, _ = picture.pixels.shape
     with np.errstate(over="ignore"):
         halves = np.clip(picture.pixels, -65504, 65504).astype("<f2")
-    rows = max(1, BAND_BYTES // (6 * width))
+    rows = rows or max(1, BAND_BYTES // (6 * width))
     low, high = picture.limits or (0.0, 0.0)
     for first in range(0, height, rows):
         band = halves[first : first + rows]

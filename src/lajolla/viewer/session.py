@@ -4,54 +4,69 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from lajolla import _core
+from lajolla.aovs import IDS
+from lajolla.colour import FloatImage
 from lajolla.limits import OptionError
 from lajolla.loading import Scene
+from lajolla.messages import LajollaWarning
+from lajolla.params import ParamError
 from lajolla.render import Progress, StopRules
 from lajolla.scene import SceneError
+from lajolla.viewer.facts import depth, scene_facts, view_facts
+from lajolla.viewer.pace import Pace
 from lajolla.viewer.protocol import Message, Picture, event
 from lajolla.viewer.view import View, limits_of
 
-FIRST_SECONDS = 0.03  # that the first picture of a view may take
-DIRECT_SECONDS = 0.2  # a picture with all pixels that takes less needs no previews between
-UNKNOWN_DIVISOR = 8  # of the first preview, before the speed is known
-MOST_DIVISOR = 32
+ALWAYS = 1e-9  # a relative error that is never reached; with it, errors are estimated
 INTERVALS = (0.1, 2.0)  # seconds between two pictures of the same view, at least and at most
 
 Listener: TypeAlias = Callable[["Picture | str"], None]
-REFUSALS = (SceneError, OptionError, _core.DescriptionError)
+Load: TypeAlias = Callable[["str | None"], Scene]
+REFUSALS = (SceneError, OptionError, ParamError, _core.DescriptionError)
 
 
 class Session:
     """Renders a scene in a thread of its own, and tells a listener what there is to show.
 
-    Messages may be posted from any thread. The listener is called in the render's thread, with pictures and with
-    messages for the page. `state` has the last message of each type, for a page that comes later.
+    Args:
+        load: reads the scene, with the integrator of a name if one is given.
+        rules: when the render of the picture ends. Without a number of samples: the scene's.
+        threads: of the renderer.
+        listener: called in the render's thread, with pictures and with messages for the page.
+
+    Attributes:
+        state: the last message of each type, for a page that comes later.
+        latest: the last picture.
+        changes: parameters that were changed, by path.
+        opened: is set when the scene was read for the first time, or could not be: then `failure` says why.
     """
 
-    def __init__(self, load: Callable[[], Scene], rules: StopRules, threads: int, listener: Listener) -> None:
-        self.load = load
-        self.rules = rules
-        self.threads = threads
-        self.listener = listener
+    def __init__(self, load: Load, rules: StopRules, threads: int, listener: Listener) -> None:
+        self.load, self.rules, self.threads, self.listener = load, rules, threads, listener
         self.state: dict[str, str] = {}
         self.latest: Picture | None = None
         self.view: View | None = None
-        self.layer = ""
-        self.paused = False
-        self._camera: dict[str, Any] = {}  # edits of the camera, which a scene that is read again gets too
-        self._pending: list[Message] = []
-        self._changed = threading.Condition()
-        self._running: _core.Render | None = None  # what a new message cancels
+        self.changes: dict[str, Any] = {}
+        self.integrator: str | None = None  # that was chosen instead of the scene's
+        self.opened = threading.Event()
+        self.failure: Exception | None = None
+        self._layer = ""
+        self._paused = False
         self._closed = False
+        self._pace = Pace()
+        self._seen = False  # whether there is a picture of the present view and layer
         self._pictures = 0
-        self._rates: dict[str, float] = {}  # samples per second of layers
+        self._changed = threading.Condition()
+        self._pending: list[Message] = []
+        self._running: _core.Render | None = None  # what a new message cancels
         self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
 
     def start(self) -> None:
@@ -65,19 +80,20 @@ class Session:
         self._thread.join()
 
     def post(self, message: Message) -> None:
-        """A change, which interrupts the render as soon as the present view has been seen."""
+        """Makes a change, from any thread. A view ends at once if there is a picture of it."""
         with self._changed:
             self._pending.append(message)
             if self._running is not None:
                 self._running.cancel()
             self._changed.notify()
 
-    # --- the thread ---------------------------------------------------------------------------------------
+    # --- changes ------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        self._open()
+        self._open(self.changes)
+        self.opened.set()
         while not self._closed:
-            if not self.paused and self.view is not None:
+            if self.view is not None and not self._paused:
                 self._render(self.view)
             with self._changed:
                 self._changed.wait_for(lambda: self._pending)
@@ -85,71 +101,116 @@ class Session:
             for message in messages:
                 self._handle(message)
 
-    def _open(self) -> None:
-        """Reads the scene, again if there is one already; the camera stays where it is."""
-        try:
-            scene = self.load()
-            self._look_at(with_values(scene, self._camera) if self._camera else scene)
-        except Exception as problem:
-            self._tell("failed", message=f"the scene cannot be opened: {problem}")
-            return
-        self._tell("opened", **scene_facts(self.view))
-
     def _handle(self, message: Message) -> None:
+        """Calls the function for a type of message: `_edit` for "edit"."""
         try:
-            getattr(self, f"_on_{message.type}")(message)
+            with warnings.catch_warnings(record=True) as found:
+                warnings.simplefilter("always", LajollaWarning)
+                getattr(self, f"_{message.type}")(message)
+            for warning in found:
+                self._tell("noticed", message=str(warning.message))
         except REFUSALS as problem:
             self._tell("refused", message=str(problem))
+        except Exception as problem:  # a fault of ours: the viewer goes on with the scene that it has
+            self._tell("refused", message=f"{type(problem).__name__}: {problem}")
 
-    def _on_edit(self, message: Message) -> None:
-        values = message["values"]
-        self._look_at(with_values(self._scene, values))
-        self._camera |= {path: value for path, value in values.items() if path.startswith("sensor.")}
+    def _open(self, changes: Mapping[str, Any]) -> None:
+        """Reads the scene, and makes these changes."""
+        try:
+            scene = self.load(self.integrator)
+            changes = {path: value for path, value in changes.items() if path in scene.params}
+            if changes:
+                scene = scene.with_params(changes)
+        except Exception as problem:
+            self.failure = problem
+            self._tell("failed", message=f"the scene could not be read: {problem}")
+            return
+        self.changes = dict(changes)
+        self._look_at(scene)
+        assert self.view is not None
+        self._tell("opened", **scene_facts(self.view, self._layer))
 
-    def _on_layer(self, message: Message) -> None:
-        name = message["name"]
-        if self.view is not None and name and name not in self.view.layers:
-            raise OptionError(f"there is no layer {name!r}")
-        self.layer = name
+    def _look_at(self, scene: Scene) -> None:
+        """Begins another view."""
+        number = 0 if self.view is None else self.view.number + 1
+        self.view = View(scene, number, self._rules(scene), self.threads)
+        self._seen = False
+        self.state.pop("failed", None)
+        self._tell("viewed", **view_facts(self.view))
 
-    def _on_samples(self, message: Message) -> None:
-        self.rules = replace(self.rules, spp=message["limit"])
-        if self.view is not None:
-            self.view.rendering("").rules = self.view.rules = self.rules
+    def _rules(self, scene: Scene) -> StopRules:
+        """When the render of the picture ends: by itself if nothing was asked for."""
+        if self.rules.spp is None and self.rules.noise <= ALWAYS:
+            return replace(self.rules, spp=scene.core.sample_count)
+        return self.rules
 
-    def _on_pause(self, message: Message) -> None:
-        self.paused = True
-        self._tell_progress("paused")
+    def _change(self, values: Mapping[str, Any]) -> None:
+        scene = self._scene().with_params(values)
+        self.changes |= values
+        self._look_at(scene)
 
-    def _on_resume(self, message: Message) -> None:
-        self.paused = False
-
-    def _on_reload(self, message: Message) -> None:
-        self._open()
-
-    @property
     def _scene(self) -> Scene:
         if self.view is None:
             raise OptionError("the scene is not open")
         return self.view.scene
 
-    def _look_at(self, scene: Scene) -> None:
-        """Begins another view."""
-        number = 0 if self.view is None else self.view.number + 1
-        self.view = View(scene, number, self.rules, self.threads)
-        self._tell("camera", **camera_facts(self.view))
+    def _edit(self, message: Message) -> None:
+        self._change(message["values"])
+
+    def _crop(self, message: Message) -> None:
+        left, top, width, height = message["window"] or (0, 0, 0, 0)
+        size = {"film.crop_width": width, "film.crop_height": height}
+        self._change({"film.crop_offset_x": left, "film.crop_offset_y": top, **size})
+
+    def _focus(self, message: Message) -> None:
+        scene = self._scene()
+        if "sensor.focus_distance" not in scene.params:
+            raise OptionError("the camera has no lens: only thinlens and telecentric have a focus")
+        found = depth(scene, message["x"], message["y"])
+        if found is None:
+            raise OptionError("there is nothing to focus on")
+        self._change({"sensor.focus_distance": found})
+
+    def _choose(self, message: Message) -> None:
+        """Another integrator."""
+        before, self.integrator = self.integrator, message["integrator"]
+        view = self.view
+        self._open(self.changes)
+        if self.view is view:
+            self.integrator = before
+
+    def _reload(self, message: Message) -> None:
+        """Reads the scene again, whose file was changed; the camera stays where it is."""
+        self._open({path: value for path, value in self.changes.items() if path.startswith("sensor.")})
+
+    def _show(self, message: Message) -> None:
+        name = message["layer"]
+        if self.view is not None and name and name not in self.view.layers:
+            raise OptionError(f"there is no layer {name!r}")
+        self._seen = self._seen and self._layer == name
+        self._layer = name
+
+    def _limit(self, message: Message) -> None:
+        self.rules = replace(self.rules, spp=message["samples"])
+        if self.view is not None:
+            self.view.limit(self._rules(self.view.scene))
+
+    def _pause(self, message: Message) -> None:
+        self._paused = True
+        self._tell_progress("paused")
+
+    def _resume(self, message: Message) -> None:
+        self._paused = False
 
     # --- rendering ----------------------------------------------------------------------------------------
 
     def _render(self, view: View) -> None:
         """Renders until a stop rule is met, or something changes."""
-        self.state.pop("failed", None)
-        self._told = self.latest is not None and (self.latest.view, self.latest.layer) == (
-            view.number,
-            self.layer,
-        )
         try:
-            self._refine(view)
+            if not self._seen:
+                self._preview(view)
+            if not (self._seen and self._pending):
+                self._accumulate(view)
         except Exception as problem:
             if not self._pending:  # it was not cancelled
                 self._tell("failed", message=f"the render ended: {type(problem).__name__}: {problem}")
@@ -157,105 +218,82 @@ class Session:
             with self._changed:
                 self._running = None
 
-    def _refine(self, view: View) -> None:
-        for divisor in [] if self._told else self._divisors(view):
-            if self._told and self._pending:
+    def _preview(self, view: View) -> None:
+        """Pictures with few pixels; the first one is shown even if the view has changed meanwhile."""
+        for divisor in self._pace.divisors(self._layer, view.scene.width * view.scene.height):
+            if self._seen and self._pending:
                 return
-            self._preview(view, divisor)
-        if not self._told or not self._pending:
-            self._accumulate(view)
-
-    def _divisors(self, view: View) -> list[int]:
-        """The previews: the first one is there in FIRST_SECONDS, the others have 16 times as many pixels each."""
-        pixels = view.scene.width * view.scene.height
-        rate = self._rates.get(self.layer)
-        if rate is None:
-            return [UNKNOWN_DIVISOR] if pixels > 64 * UNKNOWN_DIVISOR**2 else []
-        divisor = 1
-        while divisor < MOST_DIVISOR and pixels / divisor**2 > rate * FIRST_SECONDS:
-            divisor *= 2
-        result = [divisor] if divisor > 1 else []
-        while divisor > 4 and pixels / rate > DIRECT_SECONDS:
-            divisor //= 4
-            result.append(divisor)
-        return result
-
-    def _preview(self, view: View, divisor: int) -> None:
-        start = time.perf_counter()
-        pixels = view.preview(self.layer, divisor)
-        self._measure(pixels.shape[0] * pixels.shape[1], time.perf_counter() - start)
-        self._show(view, pixels)
-
-    def _measure(self, samples: float, seconds: float) -> None:
-        """Notes a speed; a slower one counts at once, a faster one by and by."""
-        rate = samples / max(seconds, 1e-6)
-        before = self._rates.get(self.layer, rate)
-        self._rates[self.layer] = min(rate, 0.5 * (before + rate))
+            start = time.perf_counter()
+            pixels = view.preview(self._layer, divisor)
+            self._pace.measure(self._layer, pixels.shape[0] * pixels.shape[1], time.perf_counter() - start)
+            self._publish(view, pixels)
 
     def _accumulate(self, view: View) -> None:
-        layer = self.layer
-        if layer in ("shape", "material", "instance", "primitive"):
-            self._show(view, view.picture(layer))
+        layer = self._layer
+        if layer in IDS:
+            self._publish(view, view.picture(layer))
             return self._tell_progress("finished")
         rendering = view.rendering(layer)
-        if self._told and not self._may_be_cancelled(rendering.accumulator):
-            return None
-        shown = time.perf_counter()
-        start, samples_before = shown, rendering.samples
+        start = shown = time.perf_counter()
+        pixels, before = view.scene.width * view.scene.height, rendering.samples
+        if self._seen:
+            self._cancellable(rendering.accumulator)
 
         def observe(progress: Progress) -> None:
             nonlocal shown
             now = time.perf_counter()
-            interval = min(max(INTERVALS[0], (now - start) / 8), INTERVALS[1])
-            if rendering.accumulator.counts.min() > 0 and (not self._told or now - shown > interval):
-                if samples_before == 0 and not self._told:
-                    self._measure(rendering.samples * view.scene.width * view.scene.height, now - start)
-                self._show(view, view.picture(layer))
-                self._may_be_cancelled(rendering.accumulator)
+            due = now - shown > min(max(INTERVALS[0], (now - start) / 8), INTERVALS[1])
+            if (due or not self._seen) and rendering.accumulator.counts.min() > 0:
+                self._pace.measure(layer, (rendering.samples - before) * pixels, now - start)
+                self._publish(view, view.picture(layer))
+                self._cancellable(rendering.accumulator)
                 shown = now
             self._tell_progress("rendering", progress)
 
         rendering.run(observe)
-        self._show(view, view.picture(layer))
-        self._tell_progress("finished")
-        return None
+        self._publish(view, view.picture(layer))
+        return self._tell_progress("finished")
 
-    def _may_be_cancelled(self, render: _core.Render) -> bool:
-        """Lets new messages cancel a render from now on; False if there is one."""
+    def _cancellable(self, render: _core.Render) -> None:
+        """Lets messages cancel a render from now on; it is cancelled at once if there is one already."""
         with self._changed:
             self._running = render
             if self._pending:
                 render.cancel()
-            return not self._pending
 
-    def _show(self, view: View, pixels: Any) -> None:  # noqa: ANN401
+    # --- what the page is told ----------------------------------------------------------------------------
+
+    def _publish(self, view: View, pixels: FloatImage) -> None:
         self._pictures += 1
-        limits = limits_of(self.layer, pixels)
-        self.latest = Picture(pixels, self._pictures, view.number, view.window, self.layer, limits)
-        self._told = True
+        limits = limits_of(self._layer, pixels)
+        self.latest = Picture(pixels, self._pictures, view.number, view.window, limits)
+        self._seen = True
         self.listener(self.latest)
 
-    # --- messages -----------------------------------------------------------------------------------------
-
     def _tell(self, type: str, **fields: object) -> None:
-        self.state[type] = event(type, **fields)
-        self.listener(self.state[type])
+        text = event(type, **fields)
+        if type not in ("refused", "noticed"):  # these are of the moment
+            self.state[type] = text
+        self.listener(text)
 
     def _tell_progress(self, state: str, progress: Progress | None = None) -> None:
         if self.view is None:
             return
-        rendering = self.view.rendering(self.layer)
-        seconds = max(progress.seconds if progress else rendering.seconds, 1e-9)
-        samples = progress.samples if progress else rendering.samples
+        rendering = self.view.rendering(self._layer)
+        progress = progress or Progress(
+            rendering.samples, rendering.seconds, rendering.rules, rendering.noise
+        )
+        seconds = max(rendering.seconds, 1e-9)
         pixels = self.view.scene.width * self.view.scene.height
         self._tell(
             "progress",
             state=state,
-            samples=samples,
+            fraction=progress.fraction,
+            samples=progress.samples,
             limit=rendering.rules.spp,
             seconds=seconds,
-            seconds_left=progress.seconds_left if progress else None,
-            samples_per_second=samples * pixels / seconds,
+            seconds_left=progress.seconds_left,
+            samples_per_second=progress.samples * pixels / seconds,
             rays_per_second=float(np.sum(rendering.accumulator.rays)) / seconds,
             noise=rendering.noise,
             nonfinite=rendering.accumulator.nonfinite,
@@ -271,35 +309,3 @@ def merged(messages: list[Message]) -> list[Message]:
             message = Message("edit", {"values": values})
         result.append(message)
     return result
-
-
-def with_values(scene: Scene, values: dict[str, Any]) -> Scene:
-    core = {**scene.description.core}
-    for path, value in values.items():
-        name, _, field = path.rpartition(".")
-        core[name] = {**core[name], field: value}
-    import copy
-
-    result = copy.copy(scene)
-    result.description = replace(scene.description, core=core)
-    result.core = _core.Scene(core)
-    return result
-
-
-def scene_facts(view: View | None) -> dict[str, Any]:
-    """What a page has to know of a scene."""
-    assert view is not None
-    scene = view.scene
-    return {
-        "layers": view.layers,
-        "warnings": [str(warning) for warning in scene.warnings],
-        "load_seconds": scene.load_seconds,
-        "build_seconds": scene.build_seconds,
-    }
-
-
-def camera_facts(view: View) -> dict[str, Any]:
-    """What a page has to know of a view."""
-    core = view.scene.description.core
-    sensor = {name: value for name, value in core["sensor"].items() if name != "medium"}
-    return {"view": view.number, "sensor": sensor, "film": core["film"], "integrator": core["integrator"]}

@@ -1,4 +1,4 @@
-"""One view of a scene: a scene and a camera that stay as they are, and the pictures that are rendered of it."""
+"""One view of a scene: a scene and a camera that stay as they are, and the pictures rendered of it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class View:
 
     scene: Scene
     number: int
-    rules: StopRules
+    rules: StopRules  # of the picture
     threads: int
     _renderings: dict[str, Rendering] = field(default_factory=dict)
 
@@ -69,9 +69,15 @@ class View:
             film=self.scene.film,
         )
 
+    def limit(self, rules: StopRules) -> None:
+        """Lets the picture's render end by other rules."""
+        self.rules = rules
+        if "" in self._renderings:
+            self._renderings[""].rules = rules
+
     def preview(self, layer: str, divisor: int) -> FloatImage:
         """A layer with one sample for each pixel of a picture whose sides are divided by a number."""
-        core = _with_film(self.scene, _divided(self.scene.description.core["film"], divisor))
+        core = with_film(self.scene, _divided(self.scene.description.core["film"], divisor))
         if layer in IDS:
             return _id_colours(core, layer, self.threads)
         if _is_field(layer):
@@ -145,5 +151,7 @@ def _divided(film: Mapping[str, Any], divisor: int) -> dict[str, Any]:
     return result
 
 
-def _with_film(scene: Scene, film: Mapping[str, Any]) -> _core.Scene:
-    return _core.Scene({**scene.description.core, "film": dict(film)})
+def with_film(scene: Scene, film: Mapping[str, Any]) -> _core.Scene:
+    """A scene with another film, which shares all else."""
+    changed = scene.core.with_changes({"film": dict(film)})
+    return changed or _core.Scene({**scene.description.core, "film": dict(film)})

@@ -37,18 +37,22 @@ export class Connection {
   }
 
   band(data) {
-    const view = new DataView(data);
-    const word = (i) => view.getUint32(4 * i, true);
-    const [number, viewNumber, left, top, across, down, width, height, first, rows] = Array.from({ length: 10 }, (_, i) => word(i));
-    if (!this.picture || this.picture.number !== number) {
-      this.picture = { number, view: viewNumber, window: [left, top, across, down], width, height, pixels: new Uint16Array(3 * width * height) };
-      this.picture.limits = word(10) ? [view.getFloat32(44, true), view.getFloat32(48, true)] : null;
-    }
-    this.picture.pixels.set(new Uint16Array(data, HEADER), 3 * width * first);
-    if (first + rows < height) return;
+    const band = bandOf(data);
+    if (this.picture?.number !== band.number) this.picture = { ...band, pixels: new Uint16Array(3 * band.width * band.height) };
+    this.picture.pixels.set(band.pixels, 3 * band.width * band.first);
+    if (band.first + band.rows < band.height) return;
     const whole = this.picture;
     this.picture = null;
     this.handlers.picture(whole);
-    this.send("received", { picture: number });
+    this.send("received", { picture: whole.number });
   }
+}
+
+// The rows of a picture that a binary message has.
+export function bandOf(data) {
+  const head = new DataView(data);
+  const words = Array.from({ length: 11 }, (_, i) => head.getUint32(4 * i, true));
+  const [number, view, left, top, across, down, width, height, first, rows, limited] = words;
+  const limits = limited ? [head.getFloat32(44, true), head.getFloat32(48, true)] : null;
+  return { number, view, window: [left, top, across, down], width, height, first, rows, limits, pixels: new Uint16Array(data, HEADER) };
 }

@@ -1,6 +1,7 @@
 // The page: joins the connection, the display, the camera and the panels.
 
 import { Camera, control } from "./camera.js";
+import { compareWithReference } from "./compare.js";
 import { Connection } from "./connection.js";
 import { Display } from "./display.js";
 import { Panels } from "./panels.js";
@@ -21,8 +22,7 @@ try {
   throw problem;
 }
 const camera = new Camera();
-let scene = null; // the last message "opened"
-let view = null; // the last message "camera"
+let view = null; // the last message "viewed"
 let home = null; // the placement in the file
 let shownView = -1;
 let moved = false; // the camera, since it was sent
@@ -30,16 +30,17 @@ let moved = false; // the camera, since it was sent
 const connection = new Connection({
   open: () => say("Opening the scene …"),
   closed: () => say("The viewer does not answer. It may have been ended; this page connects again by itself.", true),
-  hello: ({ file }) => {
+  hello: ({ file, reference }) => {
     element("title").textContent = file;
     document.title = `${file} – lajolla`;
+    if (reference) compareWithReference(display).then(() => panels.compare("split"));
   },
   opened: (message) => {
-    scene = message;
+    if (message.distance && !camera.matrix) camera.distance = message.distance;
     panels.opened(message);
-    if (view) adopt();
+    say("");
   },
-  camera: (message) => {
+  viewed: (message) => {
     view = message;
     display.film = [message.film.width, message.film.height];
     if (!camera.matrix || !moving()) adopt();
@@ -49,12 +50,16 @@ const connection = new Connection({
     if (shownView < 0) say("");
     shownView = picture.view;
     display.set("picture", picture);
-    panels.shown(picture);
     if (moved) sendCamera();
   },
   progress: (message) => panels.progress(message),
-  inspected: (message) => panels.inspected(message, camera),
-  parameters: (message) => panels.parameters(message),
+  inspected: (message) => {
+    if (message.distance) camera.distance = message.distance; // what was clicked is what the camera turns about
+    panels.inspected(message);
+  },
+  objects: (message) => panels.objects.list(message),
+  parameters: (message) => panels.objects.parameters(message),
+  noticed: ({ message }) => say(message),
   refused: ({ message }) => say(message, true),
   failed: ({ message }) => say(message, true),
 });
@@ -68,7 +73,6 @@ function adopt() {
   if (!home) {
     home = matrix;
     camera.open(matrix);
-    if (scene?.distance) camera.distance = scene.distance;
   } else camera.matrix = matrix;
 }
 

@@ -1,33 +1,12 @@
-// The panels beside the picture: display, render, pixel, camera, objects, comparison and warnings.
+// The panels beside the picture: display, render, pixel, camera, comparison and warnings.
 
-const element = (id) => document.getElementById(id);
-
-function made(tag, text = "", attributes = {}) {
-  const result = Object.assign(document.createElement(tag), attributes);
-  if (text !== "") result.textContent = text;
-  return result;
-}
-
-function list(id, rows) {
-  element(id).replaceChildren(...rows.flatMap(([name, value]) => [made("dt", name), made("dd", value)]));
-}
-
-function short(number, unit = "") {
-  if (number === null || number === undefined) return "unknown";
-  const [divisor, prefix] = number >= 1e9 ? [1e9, "G"] : number >= 1e6 ? [1e6, "M"] : number >= 1e3 && unit ? [1e3, "k"] : [1, ""];
-  return `${Number((number / divisor).toPrecision(3))} ${prefix}${unit}`.trim();
-}
-
-function duration(seconds) {
-  if (seconds === null) return "unknown";
-  const whole = Math.round(seconds);
-  if (whole < 60) return `${whole} s`;
-  return whole < 3600 ? `${Math.floor(whole / 60)} min ${whole % 60} s` : `${Math.floor(whole / 3600)} h ${Math.floor(whole / 60) % 60} min`;
-}
+import { compareWithFile } from "./compare.js";
+import { duration, element, list, made, percent, rounded, short } from "./elements.js";
+import { Objects } from "./objects.js";
 
 export class Panels {
   constructor(connection, display, page) {
-    Object.assign(this, { connection, display, page, mode: null, layers: {} });
+    Object.assign(this, { connection, display, page, mode: null, layers: {}, objects: new Objects(connection) });
     this.onDisplay();
     this.onRender();
     this.onCamera();
@@ -43,8 +22,9 @@ export class Panels {
     element("curve").addEventListener("change", ({ target }) => display.update({ curve: target.value }));
     element("layer").addEventListener("change", ({ target }) => {
       element("layer-hint").textContent = this.layers[target.value] ?? "";
-      this.connection.send("layer", { name: target.value });
+      this.connection.send("show", { layer: target.value });
     });
+    element("copy").addEventListener("click", () => navigator.clipboard.writeText(element("replay").textContent));
     element("fit").addEventListener("click", () => {
       display.zoom = null;
       display.draw();
@@ -63,10 +43,10 @@ export class Panels {
 
   onRender() {
     element("limit").addEventListener("change", ({ target }) => {
-      this.connection.send("samples", { limit: target.value ? Math.round(Number(target.value)) : null });
+      this.connection.send("limit", { samples: target.value ? Math.max(1, Math.round(Number(target.value))) : null });
     });
     element("pause").addEventListener("click", () => this.connection.send(this.paused ? "resume" : "pause"));
-    element("integrator").addEventListener("change", ({ target }) => this.connection.send("integrator", { name: target.value }));
+    element("integrator").addEventListener("change", ({ target }) => this.connection.send("choose", { integrator: target.value }));
     element("crop").addEventListener("click", () => this.choose("crop"));
     element("whole").addEventListener("click", () => this.connection.send("crop", { window: null }));
   }
@@ -76,20 +56,31 @@ export class Panels {
     element("focus").addEventListener("click", () => this.choose("focus"));
   }
 
+  compare(mode) {
+    if (mode !== "off" && !this.display.pictures.other) this.page.say("There is no other picture to compare with yet.");
+    element("compare").value = mode;
+    element("split").hidden = mode !== "split";
+    this.display.update({ comparison: mode });
+  }
+
   onCompare() {
     const { display } = this;
-    const set = (mode) => {
-      element("compare").value = mode;
-      element("split").hidden = mode !== "split";
-      display.update({ comparison: mode });
-    };
-    element("compare").addEventListener("change", ({ target }) => set(target.value));
+    element("compare").addEventListener("change", ({ target }) => this.compare(target.value));
+    element("compare-file").addEventListener("change", async ({ target }) => {
+      if (!target.files.length) return;
+      try {
+        await compareWithFile(display, target.files[0]);
+        this.compare("split");
+      } catch {
+        this.page.say(`The browser cannot read ${target.files[0].name}.`, true);
+      }
+    });
     element("split").addEventListener("input", ({ target }) => display.update({ split: Number(target.value) }));
     element("keep").addEventListener("click", () => {
       const { picture } = display.pictures;
       if (!picture) return;
       display.set("other", { ...picture, texture: undefined });
-      set("split");
+      this.compare("split");
     });
   }
 
@@ -126,31 +117,43 @@ export class Panels {
     if (integrators) element("integrator").replaceChildren(...integrators.map((name) => made("option", name, { value: name })));
   }
 
-  viewed(message) {
-    element("integrator").value = message.integrator.type;
+  viewed({ integrator }) {
+    element("integrator").value = integrator;
+    for (const [object, place] of [["sensor", "camera-fields"], ["integrator", "integrator-fields"]])
+      if (!element(place).contains(document.activeElement)) this.objects.show(object, element(place));
   }
-
-  shown() {}
 
   progress(message) {
     this.paused = message.state === "paused";
     element("pause").textContent = this.paused ? "Go on" : "Pause";
-    const left = message.seconds_left === null ? "" : `, ${duration(message.seconds_left)} left`;
-    const words = { rendering: `rendering${left}`, finished: "finished", paused: "paused" };
+    const known = message.seconds_left !== null && message.seconds_left < 1e7;
+    const words = { rendering: `rendering${known ? `, ${duration(message.seconds_left)} left` : ""}`, finished: "finished", paused: "paused" };
     element("status").textContent = words[message.state];
-    const done = message.state === "finished" ? 1 : message.seconds_left === null ? 0 : message.seconds / (message.seconds + message.seconds_left);
-    element("bar").value = done;
+    element("bar").value = message.state === "finished" ? 1 : message.fraction;
     list("numbers", [
-      ["samples", `${Number(message.samples.toFixed(1))}${message.limit ? ` of ${message.limit}` : ""} per pixel`],
+      ["samples", `${rounded(message.samples)}${message.limit ? ` of ${message.limit}` : ""} per pixel`],
       ["speed", short(message.samples_per_second, "samples/s")],
       ["rays", short(message.rays_per_second, "rays/s")],
-      ["error estimate", message.noise === null ? "after 16 samples" : `${Number((100 * message.noise).toPrecision(2))} %`],
+      ["error estimate", message.noise === null ? "from 16 samples on" : percent(message.noise)],
       ["time", duration(message.seconds)],
-      ...(message.nonfinite ? [["not finite", `${message.nonfinite} samples`]] : []),
+      ["not finite", message.nonfinite ? `${message.nonfinite} samples, which count as black` : ""],
     ]);
   }
 
-  inspected() {}
-
-  parameters() {}
+  inspected(message) {
+    element("pixel-hint").hidden = true;
+    const { x, y, inside, value, channels, samples, error, shape, place, material, model, material_place } = message;
+    list("pixel", [
+      ["position", `${x}, ${y}${inside ? "" : " (is not rendered)"}`],
+      ["red, green, blue", value?.map((c) => rounded(c)).join("  ")],
+      ...Object.entries(channels ?? {}).map(([name, number]) => [name, rounded(number)]),
+      ["samples", samples],
+      ["error near it", error === null || error === undefined ? "" : percent(error)],
+      ["distance", message.distance ? rounded(message.distance) : ""],
+      ["shape", shape === null ? "none" : shape && `${shape}${place ? ` (${place})` : ""}`],
+      ["material", material && `${material}, ${model}${material_place ? ` (${material_place})` : ""}`],
+    ]);
+    element("replay").textContent = message.command;
+    element("replay").hidden = element("copy").hidden = !inside;
+  }
 }
