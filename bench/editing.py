@@ -38,7 +38,9 @@ def least(action: Callable[[int], object]) -> float:
 def first(scene: lajolla.Scene, ending: str, kind: str) -> str | None:
     """The path of the first constant parameter with this name of an object of a kind."""
     params = scene.params
-    found = (f"{name}.{ending}" for name, o in params.objects.items() if o.kind == kind and ending in o.fields)
+    found = (
+        f"{name}.{ending}" for name, o in params.objects.items() if o.kind == kind and ending in o.fields
+    )
     return next((path for path in found if not isinstance(params[path], str)), None)
 
 

@@ -1,7 +1,9 @@
-"""Parameters of loaded scenes: changes give the bits of a scene that was built with them, and share the rest."""
+"""Parameters of loaded scenes: changes give the bits of a scene that was built with them."""
 
 from __future__ import annotations
 
+import copy
+import pickle
 import warnings
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from plugin_tools import plugin_entry, scene_with
+from reader_tools import write_scene
 from test_faults import KINDS, files  # noqa: F401
 
 import lajolla
@@ -48,6 +51,8 @@ def other(value: Any, field: Field) -> Any:  # noqa: ANN401
         return next(choice for choice in (*field.choices, value) if choice != value)
     if isinstance(value, int):
         return int(value + 1 if value + 1 <= high else value - 1)
+    if field.type == "transform" and field.name == "to_uv":
+        return value @ np.diag([1.1, 1.2, 1.0, 1.0])
     if field.type == "transform":
         return value @ np.diag([1.1, 1.1, 1.1, 1.0])
     if field.type in ("image", "grid"):
@@ -66,7 +71,9 @@ def same(value: Any, expected: Any) -> bool:  # noqa: ANN401
     return bool(np.allclose(value, expected, rtol=2e-3, atol=1e-6))  # half precision of voxels
 
 
-WITHOUT_NUMBERS = {"bsdf": {"measured"}}  # models that only files make
+WITHOUT_NUMBERS = {"bsdf": {"measured"}, "sampler": {"independent"}}  # or that scenes cannot ask for
+PIXELS = np.linspace(0.1, 0.9, 48, dtype=np.float32).reshape(4, 4, 3)
+INSIDE = {name: {"map": {"type": "bitmap", "data": PIXELS}} for name in ("bumpmap", "normalmap")}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -74,8 +81,8 @@ def test_every_parameter_of_every_model(kind: str, files: Path) -> None:  # noqa
     changed, seen = 0, set()
     for plugin in plugins_by_kind()[kind].values():
         try:
-            given = {**scene_with(kind, plugin_entry(kind, plugin.name)), "light": LIGHT}
-            scene = loaded(given, base_path=files)
+            entry = {**plugin_entry(kind, plugin.name), **INSIDE.get(plugin.name, {})}
+            scene = loaded({**scene_with(kind, entry), "light": LIGHT}, base_path=files)
         except lajolla.SceneError:
             continue  # a plugin of which the file is another one
         before = rendered(scene.core)
@@ -95,6 +102,214 @@ def test_every_parameter_of_every_model(kind: str, files: Path) -> None:  # noqa
             changed += 1
         assert np.array_equal(rendered(scene.core), before, equal_nan=True), plugin.name
     assert changed
+    hidden = {"clamped"}  # the reader's own
     for checked in ("bsdf", "adapter") if kind == "bsdf" else (kind,):
-        every = set(core_schema()[checked]) - WITHOUT_NUMBERS.get(checked, set())
+        every = set(core_schema()[checked]) - WITHOUT_NUMBERS.get(checked, set()) - hidden
         assert {(checked, model) for model in every} <= seen
+
+
+ROOM: dict[str, Any] = {
+    "type": "scene",
+    "integrator": {"type": "path"},
+    "camera": {
+        "type": "perspective",
+        "fov": 60,
+        "to_world": {"type": "look_at", "origin": [0, 1, -6], "target": [0, 0, 0]},
+    },
+    "red": {"type": "diffuse", "reflectance": [0.6, 0.1, 0.1]},
+    "wood": {"type": "bitmap", "data": PIXELS},
+    "floor": {
+        "type": "rectangle",
+        "to_world": lajolla.translate((0, -1, 0)) @ lajolla.rotate((1, 0, 0), -90) @ lajolla.scale(4),
+        "bsdf": {
+            "type": "twosided",
+            "bsdf": {"type": "diffuse", "reflectance": {"type": "ref", "id": "wood"}},
+        },
+    },
+    "box": {"type": "cube", "bsdf": {"type": "ref", "id": "red"}},
+    "blue": {"type": "diffuse", "reflectance": [0.6, 0.1, 0.1]},
+    "ball": {"type": "sphere", "center": [0, 2.0, 0], "radius": 0.5, "bsdf": {"type": "ref", "id": "blue"}},
+    "lamp": {
+        "type": "rectangle",
+        "to_world": lajolla.translate((0, 4, 0)) @ lajolla.rotate((1, 0, 0), 90),
+        "emitter": {"type": "area", "radiance": 5.0},
+    },
+    "sky": {"type": "constant", "radiance": 0.2},
+}
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "key"),
+    [
+        ("red.reflectance", (0.1, 0.5, 0.2), ("red", "reflectance")),
+        ("lamp.emitter.radiance", (9.0, 2.0, 2.0), ("lamp", "emitter", "radiance")),
+        ("sky.radiance", (0.0, 0.3, 0.0), ("sky", "radiance")),
+        ("sensor.fov", 40.0, ("camera", "fov")),
+        ("camera.to_world", lajolla.look_at((1, 2, -5), (0, 0, 0)), ("camera", "to_world")),
+        ("ball.radius", 0.8, ("ball", "radius")),
+        ("box.to_world", lajolla.rotate((0, 1, 0), 30), ("box", "to_world")),
+        ("wood.data", PIXELS[::-1], ("wood", "data")),
+        ("integrator.max_depth", 2, ("integrator", "max_depth")),
+    ],
+)
+def test_a_change_is_what_a_scene_with_the_value_is(path: str, value: Any, key: tuple[str, ...]) -> None:  # noqa: ANN401
+    path = path.replace("wood.data", "wood.image")
+    scene = loaded(ROOM)
+    before = rendered(scene.core)
+    changed = scene.with_params({path: value})
+    other_room = copy.deepcopy(ROOM)
+    inner = other_room
+    for name in key[:-1]:
+        inner = inner[name]
+    inner[key[-1]] = value
+    wanted = rendered(loaded(other_room).core)
+    assert np.array_equal(rendered(changed.core), wanted)
+    assert not np.array_equal(before, wanted)
+    assert np.array_equal(rendered(scene.core), before)
+    scene[path] = value
+    assert np.array_equal(rendered(scene.core), wanted)
+
+
+def test_several_changes_at_once() -> None:
+    scene = loaded(ROOM)
+    scene.update({"red.reflectance": 0.3, "film.size": (6, 2), "lamp.emitter.radiance": 1.0})
+    assert scene.params["film.size"] == (6, 2)
+    assert scene.render(spp=1).array.shape == (2, 6, 3)
+    assert scene["red.reflectance"].tolist() == [0.3, 0.3, 0.3]
+    assert_as_if_loaded(scene)
+
+
+def test_objects_with_other_ids_are_changed_alone() -> None:
+    scene = loaded(ROOM).with_params({"red.reflectance": (0.0, 0.9, 0.0)})
+    assert scene["blue.reflectance"].tolist() == [0.6, 0.1, 0.1]
+
+
+def test_meshes_by_their_arrays() -> None:
+    scene = loaded(ROOM)
+    positions = scene["box.positions"]
+    moved = scene.with_params({"box.positions": positions * (1, 2, 1)})
+    stretched = loaded({**ROOM, "box": {**ROOM["box"], "to_world": lajolla.scale((1, 2, 1))}})
+    assert np.allclose(rendered(moved.core), rendered(stretched.core), rtol=1e-4, atol=1e-5)
+    assert_as_if_loaded(moved)
+    flat = scene.with_params({"box.normals": None, "box.vertex_heat": np.arange(len(positions))})
+    assert flat["box.normals"] is None
+    assert flat["box.vertex_heat"].shape == (len(positions), 1)
+    assert_as_if_loaded(flat)
+    with pytest.raises(lajolla.SceneError, match=r"params\[box.uvs\]: error: .*one uv per vertex"):
+        scene.with_params({"box.uvs": np.zeros((3, 2))})
+    with pytest.raises(lajolla.SceneError, match="triangles"):
+        scene.with_params({"box.triangles": [[0, 1, 99]]})
+
+
+def test_references_are_names() -> None:
+    scene = loaded(ROOM)
+    assert scene["box.bsdf"] == "red"
+    assert scene["floor.bsdf.reflectance"] == "wood"
+    changed = scene.with_params({"box.bsdf": "floor.bsdf", "red.reflectance": "wood"})
+    assert (changed["box.bsdf"], changed["red.reflectance"]) == ("floor.bsdf", "wood")
+    assert_as_if_loaded(changed)
+    plain = scene.with_params({"floor.bsdf.reflectance": 0.5})
+    assert plain.with_params({"blue.reflectance": "wood"})["blue.reflectance"] == "wood"
+    textured = scene.with_params({"red.reflectance": {"type": "bitmap", "data": PIXELS}})
+    assert np.allclose(textured["red.reflectance.image"], PIXELS)
+    assert_as_if_loaded(textured)
+
+
+def test_objects_know_where_they_come_from(tmp_path: Path) -> None:
+    body = """<bsdf type="twosided" id="red">
+<bsdf type="diffuse"/></bsdf>
+<shape type="cube"><ref id="red"/></shape>
+<emitter type="sky"/>"""
+    path = write_scene(tmp_path, body)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        params = lajolla.load(path, size=SIZE).params
+    info = params.info("red.reflectance")
+    assert (info.kind, info.plugin, info.model, info.line) == ("bsdf", "diffuse", "diffuse", 4)
+    assert (params.info("shape_1").plugin, params.info("shape_1").model) == ("cube", "mesh")
+    assert params.info("emitter_1").plugin == "sky"
+    assert info.file == str(path)
+    assert params.field("red.reflectance").maximum == 1
+    assert list(params) == list(dict.fromkeys(params))
+    assert loaded(ROOM).params.info("lamp.emitter").file == "lamp.emitter"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("rde.reflectance", 1, "no parameter 'rde.reflectance'; did you mean 'red.reflectance'"),
+        ("red.reflectanc", 1, "did you mean 'red.reflectance'"),
+        ("red.reflectance", "marble", "expected the name of a texture, got 'marble'; the scene has wood"),
+        ("ball.radius", -1, "must be at least 0, not -1"),
+        ("ball.radius", "big", "expects a number"),
+        ("sensor.fov", float("nan"), "must be finite"),
+        ("integrator.max_depth", 1.5, "expects a whole number"),
+        ("wood.filter_type", "linaer", "no choice"),
+        ("film.size", 3, "two whole numbers"),
+        ("film.size", (0, 3), "between 1 and 65536"),
+        ("box.bsdf", "lamp", "expected the name of a bsdf"),
+        ("sensor.to_world", np.diag([1.0, 1, 0, 1]), "to_world of the sensor is singular"),
+        ("ball.to_world", lajolla.scale((1, 2, 1)), "ball: to_world of a sphere must scale alike"),
+    ],
+)
+def test_mistakes_are_one_message(path: str, value: Any, message: str) -> None:  # noqa: ANN401
+    scene = loaded(ROOM)
+    with pytest.raises((lajolla.ParamError, lajolla.SceneError)) as caught:
+        scene[path] = value
+    assert message in str(caught.value), str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_colours_out_of_range_are_clamped_with_a_warning() -> None:
+    scene = loaded(ROOM)
+    with pytest.warns(lajolla.SceneWarning, match="above 1"):
+        scene["red.reflectance"] = 1.5
+    assert scene["red.reflectance"].tolist() == [1, 1, 1]
+
+
+def test_changes_survive_pickles() -> None:
+    scene = loaded(ROOM)
+    scene["red.reflectance"] = 0.9
+    again = pickle.loads(pickle.dumps(scene))
+    assert again["red.reflectance"].tolist() == [0.9, 0.9, 0.9]
+    assert np.array_equal(rendered(again.core), rendered(scene.core))
+
+
+def test_one_of_many_shapes_read_together(tmp_path: Path) -> None:
+    balls = "\n".join(
+        f'<shape type="sphere"><float name="radius" value="{0.1 * i + 0.1}"/></shape>' for i in range(12)
+    )
+    path = write_scene(tmp_path, balls)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        scene = lajolla.load(path, size=SIZE, integrator="depth")
+    changed = scene.with_params({"shape_3.radius": 4.0, "shape_5.radius": 5.0, "shape_12.radius": 0.2})
+    assert [changed[f"shape_{i}.radius"] for i in (1, 2, 3, 4, 5, 6, 12)] == pytest.approx(
+        [0.1, 0.2, 4.0, 0.4, 5.0, 0.6, 0.2]
+    )
+    assert_as_if_loaded(changed)
+
+
+def test_scenes_far_from_the_origin_and_instances() -> None:
+    far = {
+        "type": "scene",
+        "integrator": {"type": "path"},
+        "camera": {"type": "perspective", "to_world": lajolla.look_at((1e6, 1, -6), (1e6, 0, 0))},
+        "group": {"type": "shapegroup", "ball": {"type": "sphere"}, "box": {"type": "cube"}},
+        "copy": {
+            "type": "instance",
+            "to_world": lajolla.translate((1e6, 0, 0)),
+            "group": {"type": "ref", "id": "group"},
+        },
+        "lamp": {"type": "point", "position": [1e6, 4, -3]},
+        "floor": {"type": "rectangle", "to_world": lajolla.translate((1e6, -1, 3))},
+    }
+    scene = loaded(far)
+    for path, value in (
+        ("sensor.to_world", lajolla.look_at((1e6 + 1, 2, -5), (1e6, 0, 0))),
+        ("lamp.position", (1e6 + 1, 3, -3)),
+        ("copy.to_world", lajolla.translate((1e6, 0.5, 0))),
+        ("floor.to_world", lajolla.translate((1e6, -1, 2))),
+        ("shape_1.radius", 1.2),
+    ):
+        assert_as_if_loaded(scene.with_params({path: value}))

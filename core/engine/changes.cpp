@@ -62,8 +62,8 @@ private:
 Dict Changes::placed(const char *key, const Dict &entry) const {
     if (!result_->origins) return entry;
     const bool is_sensor = std::string_view(key) == "sensor";
-    const Dict moved = recentred({{key, is_sensor ? Value(entry) : Value(List{entry})}}, parts_,
-                                 *result_->origins);
+    const Dict moved =
+        recentred({{key, is_sensor ? Value(entry) : Value(List{entry})}}, parts_, *result_->origins);
     const Value &value = *moved.find(key);
     return is_sensor ? *value.get_if<Dict>() : *value.get_if<List>()->front().get_if<Dict>();
 }
@@ -75,8 +75,7 @@ bool Changes::change_looks(const EntryName &name, const Dict &entry, const std::
         put(parts_.bsdfs, index, read_bsdf(entry, parts_.textures.size(), where), where);
     else if (list == "adapters")
         put(parts_.adapters, index, read_adapter(entry, parts_, index, where), where);
-    else if (list == "materials")
-        put(parts_.materials, index, read_material(entry, parts_, where), where);
+    else if (list == "materials") put(parts_.materials, index, read_material(entry, parts_, where), where);
     else return false;
     return true;
 }
@@ -138,9 +137,7 @@ void Changes::apply(const std::string &where, const Dict &entry) {
 }
 
 // Whether a scene that is built anew would have another origin.
-bool Changes::has_moved() {
-    return shapes_changed_ && (result_->origins || Origins().move(parts_));
-}
+bool Changes::has_moved() { return shapes_changed_ && (result_->origins || Origins().move(parts_)); }
 
 std::shared_ptr<RenderableScene> Changes::result() && {
     if (!media_.empty()) parts_.media = std::make_shared<const Media>(changed_media(*parts_.media, media_));

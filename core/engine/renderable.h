@@ -11,7 +11,7 @@
 namespace lajolla {
 
 struct RenderableScene {
-    std::shared_ptr<const Scene> scene; // other outputs may share it
+    std::shared_ptr<const Scene> scene;     // other outputs may share it
     std::shared_ptr<const Origins> origins; // null: where the description has them
     Output output;
     SequenceKind sequence;

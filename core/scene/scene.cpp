@@ -122,8 +122,7 @@ Scene::Scene(SceneParts parts, const Scene *before) : parts_(std::move(parts)), 
         to_camera_ = inverse(camera.to_world).value_or(Transform{});
     });
     if (same(&Parts::shapes, &Parts::instances, &Parts::lights, &Parts::textures)) picker_ = before->picker_;
-    else
-        picker_ = std::make_shared<const LightPicker>(parts_.lights, parts_.textures, bounding_sphere_);
+    else picker_ = std::make_shared<const LightPicker>(parts_.lights, parts_.textures, bounding_sphere_);
 }
 
 Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const RayCone<float> &cone,
@@ -251,10 +250,10 @@ Scene::Choice Scene::choose(const Hit<float> &hit, const Vec3f &wo, float u) con
     Choice choice{seen.root.bsdf, seen.turned, seen.normal};
     if (seen.root.adapter >= 0)
         materials_->choose(seen.root, unfiltered_reader(hit), hit, wo, u, seen.normal, true,
-                          [&](std::int32_t bsdf, const MappedNormal<float> &normal, bool) {
-                              choice.bsdf = bsdf;
-                              choice.normal = normal;
-                          });
+                           [&](std::int32_t bsdf, const MappedNormal<float> &normal, bool) {
+                               choice.bsdf = bsdf;
+                               choice.normal = normal;
+                           });
     return choice;
 }
 

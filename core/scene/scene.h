@@ -110,9 +110,9 @@ public:
         const Side seen = side(hit, wo);
         if (!materials_->is_small_blend(seen.root)) return f(chosen, 1.0f);
         materials_->for_each_leaf(seen.root, unfiltered_reader(hit), hit, wo, seen.normal, 1.0f,
-                                 [&](std::int32_t bsdf, const MappedNormal<float> &normal, float share) {
-                                     f(surface({bsdf, seen.turned, normal}, hit, wo), share);
-                                 });
+                                  [&](std::int32_t bsdf, const MappedNormal<float> &normal, float share) {
+                                      f(surface({bsdf, seen.turned, normal}, hit, wo), share);
+                                  });
     }
 
     // The diffuse colour at a hit, if it is a parameter of the material. Of a blend as surface().

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import os
 import time
@@ -126,7 +125,8 @@ class Scene:
             raise self.params.refusal(problem, changes) from None
         for warning in edits.warnings:
             warn(warning)
-        result = copy.copy(self)
+        result = Scene.__new__(Scene)
+        result.__dict__.update(self.__dict__)
         result.core = changed
         result.description = replace(self.description, core=core)
         result._params = self.params.after(edits, result.description)

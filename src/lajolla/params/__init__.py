@@ -16,7 +16,7 @@ from typing import Any
 from lajolla import _core
 from lajolla.messages import suggestion
 from lajolla.params.edits import Edits
-from lajolla.params.objects import MATERIAL, Lists, SceneObject, names_by_entry, objects_of
+from lajolla.params.objects import MATERIAL, NO_OBJECTS, Lists, SceneObject, names_by_entry, objects_of
 from lajolla.params.values import WITH_OBJECTS, mesh_array, mesh_names, readable
 from lajolla.scene import Description, Objects, Places, SceneError, reason_of
 from lajolla.scene.formats.mesh_arrays import ATTRIBUTES
@@ -63,15 +63,24 @@ class Params(Mapping[str, Any]):
     a reflectance to a texture, has the name of that object as its value.
     """
 
-    def __init__(self, description: Description, places: Places | None = None) -> None:
+    def __init__(
+        self,
+        description: Description,
+        places: Places | None = None,
+        before: Mapping[str, SceneObject] = NO_OBJECTS,
+        *,
+        renamed: bool = True,
+    ) -> None:
+        """`before` are the objects before a change, after which they are `renamed` or the same."""
         self._lists = Lists(description.core)
         self._known: Objects = description.objects
         self._places = places or Places()
+        self._before, self._renamed = before, renamed
 
     @cached_property
-    def objects(self) -> dict[str, SceneObject]:
+    def objects(self) -> Mapping[str, SceneObject]:
         """All objects by name."""
-        return objects_of(self._lists, self._known)
+        return objects_of(self._lists, self._known, self._before) if self._renamed else self._before
 
     @cached_property
     def _names(self) -> dict[str, str]:
@@ -157,10 +166,7 @@ class Params(Mapping[str, Any]):
 
     def after(self, edits: Edits, description: Description) -> Params:
         """The parameters of the description that the edits made."""
-        result = Params(description, self._places)
-        if not edits.refers_anew:
-            result.__dict__["objects"] = self.objects
-        return result
+        return Params(description, self._places, self.objects, renamed=edits.refers_anew)
 
     def refusal(self, problem: Exception, changes: Mapping[str, Any]) -> SceneError:
         """The error to raise when the core refuses changes: the core's message with an object's name."""
@@ -175,7 +181,7 @@ class Params(Mapping[str, Any]):
         return "mesh" in found.fields and param.startswith(ATTRIBUTES)
 
     def _params_of(self, found: SceneObject) -> Iterator[str]:
-        """The names of an object's parameters: fields, arrays of meshes, and references that are no fields."""
+        """The names of its parameters: fields, arrays of meshes, and references that are no fields."""
         for field in found.fields.values():
             if field.type == "mesh":
                 yield from mesh_names(self._entry(found)["mesh"])
@@ -217,8 +223,10 @@ class Params(Mapping[str, Any]):
         if "volume" in value:
             return self._name("volumes", value["volume"])
         entry = self._lists.entry(f"textures[{value['texture']}]")
-        return self._use(entry["texture"]) if entry["type"] == "clamped" else self._name(
-            "textures", value["texture"]
+        return (
+            self._use(entry["texture"])
+            if entry["type"] == "clamped"
+            else self._name("textures", value["texture"])
         )
 
     def _material(self, value: int | Mapping[str, int]) -> str | None:

@@ -28,7 +28,9 @@ class Edits:
         self._objects = objects
         self._editor = Editor(lists.core.get("textures", ()))
         self._entries: dict[str, dict[str, Any]] = {}
-        self._arrays: dict[str, tuple[str, dict[str, Any]]] = {}  # of meshes by entry, with a path for messages
+        self._arrays: dict[
+            str, tuple[str, dict[str, Any]]
+        ] = {}  # of meshes by entry, with a path for messages
         self._touched: dict[str, set[str]] = {}  # names of an entry's fields that differ
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -57,6 +58,9 @@ class SceneObject:
         return {f.name: f for f in own}
 
 
+NO_OBJECTS: Mapping[str, SceneObject] = MappingProxyType({})
+
+
 def place_of(entry: str) -> tuple[str, int]:
     """The list and the index of "bsdfs[3]"; index 0 for the entries that are not in lists."""
     where, _, index = entry.removesuffix("]").partition("[")
@@ -75,7 +79,7 @@ class Lists:
         return int(self.firsts(where)[-1])
 
     def firsts(self, where: str) -> np.ndarray[Any, Any]:
-        """The indices of the first entry that each stored one represents (see `_core.Column`), and the end."""
+        """The index of the first entry that each stored one represents (see `_core.Column`), and the end."""
         if where not in self._firsts:
             counts = [rows_in(entry) for entry in self.core.get(where, ())]
             self._firsts[where] = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
@@ -105,15 +109,24 @@ def rows_in(entry: Entry) -> int:
     return next((len(value) for value in entry.values() if hasattr(value, "row")), 1)
 
 
-def objects_of(lists: Lists, known: Objects) -> dict[str, SceneObject]:
+def objects_of(
+    lists: Lists, known: Objects, before: Mapping[str, SceneObject] = NO_OBJECTS
+) -> dict[str, SceneObject]:
     """All objects of a description by their names: the camera and what there is one of, shapes with their
-    parts, instances, and lights that have no shape."""
-    return _Namer(lists, known).objects
+    parts, instances, and lights that have no shape.
+
+    Args:
+        lists: the description.
+        known: ids of its objects.
+        before: the objects before a change; they keep their names, and stay although nothing refers to them.
+    """
+    return _Namer(lists, known, before).objects
 
 
 class _Namer:
-    def __init__(self, lists: Lists, known: Objects) -> None:
-        self.lists, self.known = lists, known
+    def __init__(self, lists: Lists, known: Objects, before: Mapping[str, SceneObject]) -> None:
+        self.lists = lists
+        self.ids = {**known.ids, **names_by_entry(before)}
         self.objects: dict[str, SceneObject] = {}
         self.named: set[str] = set()  # entries
         for where in SINGLE:
@@ -125,6 +138,9 @@ class _Namer:
         for where in ("instances", "emitters"):
             for index in range(lists.count(where)):
                 self.refer(where, index, f"{KINDS[where]}_{index + 1}")
+        for name, found in before.items():
+            if "[" in found.entry and not found.inner:
+                self.refer(*place_of(found.entry), name)
 
     def shape(self, index: int) -> None:
         name = self.refer("shapes", index, f"shape_{index + 1}")
@@ -153,7 +169,7 @@ class _Namer:
         if entry.get("type") == "clamped":  # the reader's: a texture in the range of its field
             self.use(entry["texture"], suggested)
             return ""
-        name = self.unique(self.known.ids.get(entry_name, suggested))
+        name = self.unique(self.ids.get(entry_name, suggested))
         self.add(name, KINDS[where], entry_name, entry)
         return name
 
@@ -190,5 +206,3 @@ class _Namer:
 def names_by_entry(objects: Mapping[str, SceneObject]) -> dict[str, str]:
     """The names of objects by their entries."""
     return {found.entry: found.name for found in objects.values() if not found.inner}
-
-

@@ -17,6 +17,7 @@ Values: TypeAlias = npt.NDArray[Any]
 NUMBERS = ("spectrum", "vector", "transform", "floats", "matrix")
 WITH_OBJECTS = ("texture_float", "texture_spectrum", "volume_float", "volume_spectrum", "volume_matrix")
 
+
 def readable(kind: str, value: Any) -> Any:  # noqa: ANN401
     """A value of a description, by the type of its field; objects are the caller's."""
     if kind == "spectrum" or kind.endswith("_spectrum"):

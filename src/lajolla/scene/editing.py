@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
 from lajolla import _core
 
 from .description.builder import Builder, plugins_by_kind
-from .description.plugin import Entry
+from .description.plugin import Entry, Use
 from .description.plugins.emitters import panorama
 from .description.plugins.textures import bitmap_image, pixels_from_python
 from .description.plugins.volumes import grid_values
@@ -103,5 +103,5 @@ class Editor:
         return bitmap_image(pixels, encoded=is_integer)
 
 
-def _is_use(given: object) -> bool:
+def _is_use(given: object) -> TypeGuard[Use]:
     return isinstance(given, dict) and len(given) == 1 and next(iter(given)) in ("texture", "volume")
