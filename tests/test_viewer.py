@@ -41,9 +41,13 @@ def moved(x: float) -> dict[str, object]:
 
 def finished(client: Client, view: int) -> np.ndarray:
     """The last picture of a view."""
-    client.wait_for("progress", state="finished")
-    picture = client.wait_for_picture(view, whole=True)
-    return picture.pixels
+    while client.messages.get("viewed", {}).get("view", -1) < view:
+        client.receive()
+    last = client.wait_for("progress", state="finished")["picture"]
+    while client.picture is None or client.picture.number < last:
+        client.receive()
+    assert client.picture.view >= view
+    return client.picture.pixels
 
 
 # --- pictures -------------------------------------------------------------------------------------------------
@@ -87,15 +91,16 @@ def test_a_colour_changes_at_once(client: Client) -> None:
 def test_layers(client: Client) -> None:
     finished(client, 0)
     client.send("show", layer="albedo")
-    client.wait_for("progress", state="finished")
-    assert client.picture is not None and client.picture.limits == (0, 1)
+    finished(client, 0)
+    assert client.picture is not None
+    assert client.picture.limits == (0, 1)
     np.testing.assert_allclose(client.picture.pixels[64, 96], RED, rtol=1e-3)
     client.send("show", layer="shape")
-    client.wait_for("progress", state="finished")
+    finished(client, 0)
     colours = {tuple(pixel) for row in client.picture.pixels.tolist() for pixel in row}
     assert len(colours) == 2 and (0, 0, 0) in colours  # the ball, and nothing
     client.send("show", layer="normal")
-    client.wait_for("progress", state="finished")
+    finished(client, 0)
     np.testing.assert_allclose(client.picture.pixels[64, 96], (0, 0, 1), atol=0.02)
     client.send("show", layer="")
     samples = client.wait_for("progress", state="finished")["samples"]
@@ -246,8 +251,7 @@ def test_a_changed_file_is_read_again_and_the_camera_stays(scene: Path) -> None:
         scene.write_text(SCENE.replace("0.6, 0.05, 0.05", "0.05, 0.6, 0.05"))
         found = client.wait_for("viewed", view=2)
         assert found["sensor"]["to_world"][0][3] == 0.4
-        client.wait_for("progress", state="finished")
-        red, green, _ = client.wait_for_picture(2, whole=True).pixels[32, 40]
+        red, green, _ = finished(client, 2)[32, 40]
         assert green > 3 * red
 
 

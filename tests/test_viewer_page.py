@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import json
 import time
 from collections.abc import Callable, Iterator
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from OpenImageIO import ImageInput
 from browser_tools import chromium
 from viewer_tools import SCENE, viewer
 
@@ -39,10 +39,11 @@ def scene(tmp_path: Path) -> Path:
 class Page:
     """An open page of a viewer."""
 
-    def __init__(self, browser: Chrome, address: str) -> None:
+    def __init__(self, browser: Chrome, address: str, file: Path) -> None:
         self.browser = browser
+        self.file = file  # for pictures of the screen
         browser.get(address)
-        self.until("!document.getElementById('status').textContent.startsWith('…')")
+        self.until("window.lajolla?.panels.last")
 
     def run(self, script: str, *values: object) -> Any:  # noqa: ANN401
         return self.browser.execute_script(script, *values)
@@ -56,8 +57,10 @@ class Page:
 
     def finished(self, view: int = 0) -> None:
         """Waits until a view, or a later one, is rendered."""
-        shown = "window.lajolla.display.pictures.picture"
-        self.until(f"{shown} && {shown}.view >= {view} && document.getElementById('status').textContent === 'finished'")
+        self.until(
+            "((shown, progress) => shown && progress.state === 'finished' && shown.number >= progress.picture && "
+            f"shown.view >= {view})(window.lajolla.display.pictures.picture, window.lajolla.panels.last)"
+        )
 
     def text(self, name: str) -> str:
         return str(self.run("return document.getElementById(arguments[0]).textContent", name))
@@ -79,11 +82,9 @@ class Page:
             "const done = arguments[0]; window.lajolla.display.png().then((blob) => { const r = new FileReader();"
             "r.onload = () => done(r.result); r.readAsDataURL(blob) })"
         )
-        data = io.BytesIO(base64.b64decode(encoded.partition(",")[2]))
-        from OpenImageIO import ImageInput, IOMemReader  # noqa: PLC0415
-
-        picture = ImageInput.open("a.png", None, IOMemReader(data.getvalue()))
-        return np.asarray(picture.read_image("float"))[..., :3]
+        self.file.write_bytes(base64.b64decode(encoded.partition(",")[2]))
+        picture = ImageInput.open(str(self.file))
+        return np.asarray(picture.read_image("uint8"))[..., :3] / 255
 
     def problems(self) -> list[str]:
         return [entry["message"] for entry in self.browser.get_log("browser") if entry["level"] == "SEVERE"]
@@ -104,10 +105,12 @@ class Page:
 @pytest.fixture
 def page(browser: Chrome, scene: Path) -> Iterator[Page]:
     with viewer(scene) as address:
-        page = Page(browser, address)
+        browser.get_log("browser")
+        page = Page(browser, address, scene.with_name("screen.png"))
         page.finished()
         yield page
         assert page.problems() == []
+        browser.get("about:blank")
 
 
 Near = Callable[[np.ndarray, np.ndarray], None]
@@ -239,7 +242,7 @@ def test_cropping(page: Page) -> None:
 
 def test_a_page_connects_again(browser: Chrome, scene: Path) -> None:
     with viewer(scene) as address:
-        page = Page(browser, address)
+        page = Page(browser, address, scene.with_name("screen.png"))
         page.finished()
         page.run("window.lajolla.connection.socket.close()")
         page.until("document.getElementById('notice').textContent.includes('does not answer')")
@@ -286,7 +289,7 @@ def test_it_fits_the_window_in_dark_and_light(page: Page, scheme: str, size: tup
 def test_it_requests_nothing_from_elsewhere(browser: Chrome, scene: Path) -> None:
     browser.get_log("performance")
     with viewer(scene) as address:
-        Page(browser, address).finished()
+        Page(browser, address, scene.with_name("screen.png")).finished()
         events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
     requested = {e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"}
     assert requested and all(url.startswith(address) or url.startswith("data:") for url in requested)

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from lajolla.viewer.protocol import HEADER, Picture, readable
 
@@ -54,7 +55,10 @@ class Client:
     """A page without a picture on a screen."""
 
     def __init__(self, address: str) -> None:
-        self.socket = _connected(address)
+        url = address.replace("http:", "ws:") + "socket"
+        origin = Origin(origin_of(address))
+        self._connection = connect(url, origin=origin, compression=None, max_size=None)
+        self.socket = self._connection.__enter__()
         self.picture: Picture | None = None
         self.pictures = 0
         self.messages: dict[str, dict[str, Any]] = {}  # the last of each type
@@ -64,7 +68,7 @@ class Client:
         return self
 
     def __exit__(self, *problem: object) -> None:
-        self.socket.close()
+        self._connection.__exit__(None, None, None)
 
     def send(self, type: str, **fields: object) -> None:
         self.socket.send(json.dumps({"type": type, **fields}))
@@ -105,8 +109,3 @@ class Client:
                     return picture
             self.receive(max(end - time.monotonic(), 0.01))
         raise TimeoutError(f"no picture of view {view}")
-
-
-def _connected(address: str, origin: str | None = None) -> ClientConnection:
-    url = address.replace("http:", "ws:") + "socket"
-    return connect(url, origin=origin or origin_of(address), compression=None, max_size=None)  # type: ignore[arg-type]

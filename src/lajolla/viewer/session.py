@@ -90,7 +90,10 @@ class Session:
     # --- changes ------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        self._open(self.changes)
+        try:
+            self._open({})
+        except Exception as problem:
+            self.failure = problem
         self.opened.set()
         while not self._closed:
             if self.view is not None and not self._paused:
@@ -115,20 +118,31 @@ class Session:
             self._tell("refused", message=f"{type(problem).__name__}: {problem}")
 
     def _open(self, changes: Mapping[str, Any]) -> None:
-        """Reads the scene, and makes these changes."""
-        try:
-            scene = self.load(self.integrator)
-            changes = {path: value for path, value in changes.items() if path in scene.params}
-            if changes:
-                scene = scene.with_params(changes)
-        except Exception as problem:
-            self.failure = problem
-            self._tell("failed", message=f"the scene could not be read: {problem}")
-            return
+        """Reads the scene, and makes these changes, as far as it has such parameters."""
+        scene = self.load(self.integrator)
+        changes = {path: value for path, value in changes.items() if path in scene.params}
+        if changes:
+            scene = scene.with_params(changes)
         self.changes = dict(changes)
         self._look_at(scene)
         assert self.view is not None
         self._tell("opened", **scene_facts(self.view, self._layer))
+
+    def _reload(self, message: Message) -> None:
+        """Reads the scene again, whose file was changed; the camera stays where it is."""
+        try:
+            self._open({path: value for path, value in self.changes.items() if path.startswith("sensor.")})
+        except Exception as problem:
+            self._tell("failed", message=f"the scene could not be read: {problem}")
+
+    def _choose(self, message: Message) -> None:
+        """Another integrator."""
+        before, self.integrator = self.integrator, message["integrator"]
+        try:
+            self._open(self.changes)
+        except Exception:
+            self.integrator = before
+            raise
 
     def _look_at(self, scene: Scene) -> None:
         """Begins another view."""
@@ -170,18 +184,6 @@ class Session:
         if found is None:
             raise OptionError("there is nothing to focus on")
         self._change({"sensor.focus_distance": found})
-
-    def _choose(self, message: Message) -> None:
-        """Another integrator."""
-        before, self.integrator = self.integrator, message["integrator"]
-        view = self.view
-        self._open(self.changes)
-        if self.view is view:
-            self.integrator = before
-
-    def _reload(self, message: Message) -> None:
-        """Reads the scene again, whose file was changed; the camera stays where it is."""
-        self._open({path: value for path, value in self.changes.items() if path.startswith("sensor.")})
 
     def _show(self, message: Message) -> None:
         name = message["layer"]
@@ -288,6 +290,7 @@ class Session:
         self._tell(
             "progress",
             state=state,
+            picture=self._pictures,  # the last one; it may come later than this message
             fraction=progress.fraction,
             samples=progress.samples,
             limit=rendering.rules.spp,

@@ -68,6 +68,7 @@ export class Camera {
   }
 }
 
+const STEP = 0.02; // of a key that is pressed; held ones go on with 1 per second
 const KEYS = {
   KeyW: (c, s) => c.move(0, 0, s), KeyS: (c, s) => c.move(0, 0, -s),
   KeyA: (c, s) => c.move(s, 0, 0), KeyD: (c, s) => c.move(-s, 0, 0),
@@ -138,18 +139,21 @@ export function control(canvas, camera, actions) {
   canvas.addEventListener("keydown", (event) => {
     if (!(event.code in KEYS) || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
-    const start = held.size === 0;
+    if (event.repeat || !camera.matrix) return;
+    KEYS[event.code](camera, STEP); // at once, however short it is pressed
+    actions.moved();
     held.add(event.code);
-    if (start) requestAnimationFrame(step);
+    if (held.size > 1) return;
+    last = performance.now();
+    requestAnimationFrame(step);
   });
   canvas.addEventListener("keyup", (event) => held.delete(event.code));
   canvas.addEventListener("blur", () => held.clear());
 
   let last = 0;
   function step(now) {
-    const seconds = Math.min((now - last) / 1000, 0.05) || 0.016;
+    const seconds = Math.min(Math.max(now - last, 0) / 1000, 0.1);
     last = now;
-    if (!camera.matrix) return;
     for (const code of held) KEYS[code](camera, seconds);
     if (held.size === 0) return;
     actions.moved();

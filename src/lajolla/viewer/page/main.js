@@ -117,4 +117,4 @@ function goHome() {
   sendCamera();
 }
 
-window.lajolla = { display, camera, connection }; // for tests and the console
+window.lajolla = { display, camera, connection, panels }; // for tests and the console

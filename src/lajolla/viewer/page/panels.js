@@ -124,6 +124,7 @@ export class Panels {
   }
 
   progress(message) {
+    this.last = message;
     this.paused = message.state === "paused";
     element("pause").textContent = this.paused ? "Go on" : "Pause";
     const known = message.seconds_left !== null && message.seconds_left < 1e7;
