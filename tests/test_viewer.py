@@ -74,7 +74,10 @@ def test_a_view_never_loses_pixels(client: Client) -> None:
     for step in range(1, 6):
         client.send("edit", values=moved(0.1 * step))
     sizes: dict[int, list[int]] = {}
-    while client.messages.get("viewed", {}).get("view", 0) == 0 or client.messages["progress"]["state"] != "finished":
+    while (
+        client.messages.get("viewed", {}).get("view", 0) == 0
+        or client.messages["progress"]["state"] != "finished"
+    ):
         if client.receive() == "picture" and client.picture is not None:
             sizes.setdefault(client.picture.view, []).append(client.picture.pixels.size)
     assert all(found == sorted(found) for found in sizes.values())

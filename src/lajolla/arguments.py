@@ -366,7 +366,10 @@ def _add_view(parser: Parser) -> None:
     _add_scene(parser)
     group = parser.add_argument_group("viewer")
     group.add_argument(
-        "--noise", type=_noise, metavar="X", help="render until this relative error of the picture, as estimated"
+        "--noise",
+        type=_noise,
+        metavar="X",
+        help="render until this relative error of the picture, as estimated",
     )
     group.add_argument("--compare", type=Path, metavar="PICTURE", help="picture to compare with in the page")
     group.add_argument("--port", type=_whole("port"), default=0, metavar="N", help="default: any free one")
