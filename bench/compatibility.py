@@ -26,7 +26,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 from oracle import Estimate, default_variant  # noqa: E402
 from test_references import RGB_TO_XYZ, read_xyz, references  # noqa: E402
 
-from lajolla.loading import Scene  # noqa: E402
+from lajolla.loaded_scene import Scene  # noqa: E402
 from lajolla.options import Options  # noqa: E402
 from lajolla.scene import Description, convert, load_description  # noqa: E402
 

@@ -18,7 +18,7 @@ from scene_tools import (
 )
 from statistics_tools import Draws, Sampled
 
-from lajolla import _core, _core_testing
+from lajolla import _core
 
 Point = tuple[float, float, float]
 Color = list[float]
@@ -64,12 +64,12 @@ def seen_from(
     place = np.array(point, np.float32)
 
     def sample(u: np.ndarray) -> Draws:
-        s = _core_testing.emitter_sample_many(scene, place, np.ascontiguousarray(u, np.float32), emitter)
+        s = _core.sample_emitters(scene, place, np.ascontiguousarray(u, np.float32), emitter)
         weight = s["radiance"] / np.where(s["pdf"] > 0, s["pdf"], 1)[:, None]
         return Draws(s["wi"], weight, s["pdf"], s["visible"] & ~s["delta"], s["delta"], s["pdf"])
 
     def evaluate(wi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return _core_testing.emitter_eval_many(scene, place, np.ascontiguousarray(wi, np.float32), emitter)
+        return _core.eval_emitters(scene, place, np.ascontiguousarray(wi, np.float32), emitter)
 
     if domain is None:
         pilot = sample(np.random.default_rng(1).random((256, 3)))

@@ -9,7 +9,7 @@ from quadrature_tools import sphere
 from scatter_tools import Settings, label, numbers_within, random_number, rows
 from statistics_tools import Draws, Sampled, generator
 
-from lajolla import _core, _core_testing
+from lajolla import _core
 
 MODELS: dict[str, dict] = _core.schema()["phase"]
 JOINT_SETTINGS = 3  # settings that change all fields at once, per model
@@ -36,7 +36,7 @@ class Phase:
     """A phase function at the origin: `pdf` is its value, `area` the factor of the extinction."""
 
     description: Settings
-    media: _core_testing.Media
+    media: _core.Media
 
     @property
     def name(self) -> str:
@@ -60,7 +60,7 @@ ORIGIN = np.zeros((1, 3), np.float32)
 
 
 def make_phase(description: Settings) -> Phase:
-    return Phase(description, _core_testing.Media({"phases": [*PARTS, description]}))
+    return Phase(description, _core.Media({"phases": [*PARTS, description]}))
 
 
 def seen_from(phase: Phase, wo: np.ndarray) -> Sampled:

@@ -14,7 +14,7 @@ from measured_tools import MEASUREMENTS
 from quadrature_tools import sphere
 from statistics_tools import Draws, Sampled, compare, generator, require, rounding_at, uniforms
 
-from lajolla import _core, _core_testing
+from lajolla import _core
 
 Settings = dict[str, object]
 
@@ -55,7 +55,7 @@ def rows(directions: np.ndarray) -> np.ndarray:
 
 
 def make_bsdf(description: Settings) -> Bsdf:
-    bsdf = _core_testing.Bsdf(description)
+    bsdf = _core.Bsdf(description)
 
     def sample(wo: np.ndarray, u: np.ndarray) -> Draws:
         s = bsdf.sample_many(rows(wo), rows(u))
@@ -158,7 +158,7 @@ def random_value(field: dict, rng: np.random.Generator) -> object:
 
 def is_accepted(description: Settings) -> bool:
     try:
-        _core_testing.Bsdf(description)
+        _core.Bsdf(description)
     except _core.DescriptionError:
         return False
     return True

@@ -9,7 +9,7 @@ import pytest
 from reader_tools import error_of, messages, read, write_scene
 from scene_tools import rotation
 
-from lajolla import _core, _core_testing
+from lajolla import _core
 from lajolla.cli import main
 from lajolla.scene import load_description
 from lajolla.scene.data import cie, sky
@@ -120,7 +120,7 @@ def test_the_horizon_is_sharp(stretch: float, tilted: bool, tmp_path: Path) -> N
         theirs.append(np.array(their_sky.eval(interaction)))
     zenith = np.pi / 2 - np.radians(degrees)
     seen = np.stack([direction(np.pi / 2 - stretch * t, phi) for t, phi in zip(zenith, azimuth, strict=True)])
-    ours, _ = _core_testing.emitter_eval_many(
+    ours, _ = _core.eval_emitters(
         scene, np.zeros(3, np.float32), (seen @ turn[:3, :3].T).astype(np.float32), None
     )
     below, near = degrees < 0, (degrees > 0) & (degrees < 0.4)

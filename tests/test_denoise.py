@@ -377,7 +377,7 @@ def test_without_the_package(room: Path, monkeypatch: pytest.MonkeyPatch, capsys
         assert capsys.readouterr().err == f"lajolla: error: {message}\n"
     scene = lajolla.load(room)
     with pytest.raises(lajolla.DenoiseError, match="is not installed"):
-        scene.render(denoise=True, observe=lambda progress: pytest.fail("it was rendered"))
+        scene.render(denoise=True, progress=lambda progress: pytest.fail("it was rendered"))
     with pytest.raises(lajolla.DenoiseError, match="is not installed"):
         scene.render().denoise()
 

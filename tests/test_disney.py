@@ -19,7 +19,7 @@ from scipy import stats
 from statistics_tools import generator, uniforms
 
 import lajolla
-from lajolla import _core, _core_testing
+from lajolla import _core
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 SCENES = SHARED / "lajolla" / "disney_bsdf_test"
@@ -63,7 +63,7 @@ def test_values_are_those_of_mitsuba(name: str) -> None:
     for _ in range(40):
         settings = random_settings(name, rng)
         theirs = mi.load_dict({**settings, "base_color": {"type": "rgb", "value": settings["base_color"]}})
-        ours = _core_testing.Bsdf(settings)
+        ours = _core.Bsdf(settings)
         for wo, wi in zip(random_directions(rng, 40), random_directions(rng, 40), strict=True):
             hit.wi = mi.Vector3f(*map(float, wo))
             expected = np.array(theirs.eval(context, hit, mi.Vector3f(*map(float, wi))))
@@ -359,5 +359,5 @@ def test_opaque_without_transmission(tmp_path: Path, name: str, field: str) -> N
             == told
         )
     wo = np.float32([[0, 0, -1]])
-    value, pdf = _core_testing.Bsdf({"type": name}).eval_many(wo, wo)
+    value, pdf = _core.Bsdf({"type": name}).eval_many(wo, wo)
     assert not value.any() and not pdf.any()

@@ -102,7 +102,7 @@ def test_nothing_hides_a_distant_light(shape: Settings) -> None:
     scene = make_scene(shapes=[{**shape, "emitter": 0}], emitters=[{"type": "area"}])
     for distance in (10, 1e2, 1e3, 1e4):
         point = (distance * np.array([0.3, 0.2, 0.93])).astype(np.float32)
-        s = _core_testing.emitter_sample_many(scene, point, uniforms(generator("distant"), 20_000, 3), 0)
+        s = _core.sample_emitters(scene, point, uniforms(generator("distant"), 20_000, 3), 0)
         facing = s["pdf"] > 0
         solid_angle = 1 / s["pdf"][facing].astype(float)
         hidden = solid_angle[~s["visible"][facing]].sum() / solid_angle.sum()
@@ -133,7 +133,7 @@ def irradiance(
     lit: Lit, point: np.ndarray, normal: np.ndarray, rng: np.random.Generator, count: int
 ) -> float:
     """An estimate of the luminous irradiance of a light at a point."""
-    s = _core_testing.emitter_sample_many(lit.scene, point.astype(np.float32), uniforms(rng, count, 3), 0)
+    s = _core.sample_emitters(lit.scene, point.astype(np.float32), uniforms(rng, count, 3), 0)
     weight = np.where(s["visible"][:, None], s["radiance"] / np.maximum(s["pdf"], 1e-30)[:, None], 0)
     return float(np.mean(weight @ LUMINANCE * np.maximum(s["wi"] @ normal, 0)))
 
@@ -144,7 +144,7 @@ def test_point_like_lights(lit: Lit) -> None:
     rng = generator(lit.name)
     seen = 0
     for point in rng.normal(size=(400, 3)) * 2:
-        s = _core_testing.emitter_sample_many(lit.scene, point.astype(np.float32), uniforms(rng, 2, 3), 0)
+        s = _core.sample_emitters(lit.scene, point.astype(np.float32), uniforms(rng, 2, 3), 0)
         wi, distance, expected = arriving(lit, point)
         if not np.any(expected):
             assert not s["visible"].any()
@@ -154,7 +154,7 @@ def test_point_like_lights(lit: Lit) -> None:
         np.testing.assert_allclose(s["wi"], np.tile(wi, (2, 1)), atol=1e-5)
         np.testing.assert_allclose(s["distance"], distance, rtol=1e-5)
         np.testing.assert_allclose(s["radiance"], np.tile(expected, (2, 1)), rtol=1e-3)
-        value, pdf = _core_testing.emitter_eval_many(lit.scene, point.astype(np.float32), s["wi"], 0)
+        value, pdf = _core.eval_emitters(lit.scene, point.astype(np.float32), s["wi"], 0)
         assert not value.any() and not pdf.any(), "no ray hits a point"
     assert seen > 5
 
@@ -226,9 +226,9 @@ def test_lights_picked_by_power() -> None:
     s = study(seen_from("many lights", scene, (0, 0, 0), None))
     judge(s)
     u = uniforms(generator("pick"), 200_000, 3)
-    picked = _core_testing.emitter_sample_many(scene, origin, u)
+    picked = _core.sample_emitters(scene, origin, u)
     found = np.where((picked["delta"] & picked["visible"])[:, None], picked["radiance"], 0)
-    kinds = [_core_testing.emitter_sample_many(scene, origin, u[:1], i) for i in range(6)]
+    kinds = [_core.sample_emitters(scene, origin, u[:1], i) for i in range(6)]
     expected = sum(k["radiance"][0] for k in kinds if k["delta"][0] and k["visible"][0])
     margin = Z * found.std(0) / np.sqrt(len(found))
     require(np.all(np.abs(found.mean(0) - expected) < margin), "point-like lights picked by power")
@@ -249,8 +249,8 @@ def test_densities_contain_the_probability_of_a_light() -> None:
     origin = np.zeros(3, np.float32)
     for i, z in enumerate((1, -1)):
         wi = np.array([[0, 0, z]], np.float32)
-        together = _core_testing.emitter_eval_many(scene, origin, wi)[1]
-        alone = _core_testing.emitter_eval_many(scene, origin, wi, i)[1]
+        together = _core.eval_emitters(scene, origin, wi)[1]
+        alone = _core.eval_emitters(scene, origin, wi, i)[1]
         np.testing.assert_allclose(together / alone, 0.5 * power[i] / power.sum() + 0.25, rtol=1e-5)
 
 

@@ -199,7 +199,7 @@ def directions(count: int, *key: object) -> np.ndarray:
 def test_bsdfs(name: str) -> None:
     """Counts fill the lanes of the last vector, or leave most of them off; numbers reach their bounds."""
     for settings in settings_of(name):
-        bsdf = _core_testing.Bsdf(settings)
+        bsdf = _core.Bsdf(settings)
         if not bsdf.wide:
             pytest.skip("written for one path")
         for count in (1, 7, 37, 200):

@@ -11,7 +11,7 @@ from reader_tools import error_of, read
 from scatter_tools import direction, known_directions, make_bsdf, seen_from
 from statistics_tools import check_consistency, check_density, check_energy, study
 
-from lajolla import _core, _core_testing
+from lajolla import _core
 from lajolla.scene.data.spectra import integrate
 from lajolla.scene.description.plugins.measured import measurement
 from lajolla.scene.formats.tensors import TensorError, read_tensors
@@ -71,7 +71,7 @@ def test_symmetry_folds_azimuths() -> None:
 
 
 def test_roughness_is_that_of_the_normals() -> None:
-    assert _core_testing.Bsdf({"type": "measured", "measurement": MEASUREMENTS["isotropic"]}).roughness == (
+    assert _core.Bsdf({"type": "measured", "measurement": MEASUREMENTS["isotropic"]}).roughness == (
         pytest.approx(0.3, rel=0.05)
     )
     x = np.linspace(0, 1, 24)

@@ -12,7 +12,7 @@ from phase_tools import MATRICES
 from statistics_tools import generator
 from test_volumes import TO_WORLD, positions, voxels
 
-from lajolla import _core_testing
+from lajolla import _core
 from lajolla.scene import describe
 
 mitsuba = pytest.importorskip("mitsuba")
@@ -30,11 +30,11 @@ def mi() -> Iterator[ModuleType]:
         mitsuba.set_variant(before)
 
 
-def ours(medium: dict[str, Any]) -> _core_testing.Media:
+def ours(medium: dict[str, Any]) -> _core.Media:
     """The media of a scene whose one sphere has this medium inside, as the reader understands it."""
     ball = {"type": "sphere", "bsdf": {"type": "null"}, "interior": medium}
     core = describe({**SCENE, "ball": ball}).core
-    return _core_testing.Media({key: core[key] for key in ("volumes", "phases", "media")})
+    return _core.Media({key: core[key] for key in ("volumes", "phases", "media")})
 
 
 def directions(key: object, count: int) -> np.ndarray:

@@ -25,7 +25,7 @@ from statistics_tools import (
     uniforms,
 )
 
-from lajolla import _core, _core_testing
+from lajolla import _core
 
 SETTINGS = [settings for name in MODELS for settings in settings_of(name)]
 each_setting = pytest.mark.parametrize("settings", SETTINGS, ids=label)
@@ -134,9 +134,9 @@ def test_impossible_parameters_are_refused(description: Settings, message: str) 
 
 def test_blends_have_four_parts_at_most() -> None:
     blends = [{"type": "blendphase", "phase_0": i - 1, "phase_1": i - 1} for i in range(3)]
-    _core_testing.Media({"phases": blends[:2]})
+    _core.Media({"phases": blends[:2]})
     with pytest.raises(_core.DescriptionError, match="more than four"):
-        _core_testing.Media({"phases": blends})
+        _core.Media({"phases": blends})
 
 
 class Mutant(Phase):

@@ -16,7 +16,7 @@ from scene_tools import torus, translation
 from test_voxels import NANOVDB, vol
 
 import lajolla
-from lajolla import _core, _core_testing
+from lajolla import _core
 from lajolla.scene import Description, SceneError, describe, load_description
 from lajolla.scene.data.materials import JENSEN, NARASIMHAN
 from lajolla.scene.description.inside import is_inside
@@ -260,7 +260,7 @@ def test_nanovdb_density_colour_and_fire(tmp_path: Path) -> None:
     np.testing.assert_allclose(fire["to_world"] @ (0, 0, 0, 1), [1 - 0.125, 2 - 0.125, 3 - 0.125, 1])
 
     at = np.array([[1 + 0.25 * 3, 2 + 0.25 * 2, 3 + 0.25 * 5]], np.float32)  # voxel (3, 2, 5): 1325 K
-    emitted = _core_testing.Media({"volumes": [fire]}).volume_many(0, at)[0]
+    emitted = _core.Media({"volumes": [fire]}).volume_many(0, at)[0]
     body = '<emitter type="point"><blackbody name="intensity" temperature="1325k"/></emitter>'
     expected = read(tmp_path, body).core["emitters"][0]["intensity"]
     np.testing.assert_allclose(emitted, expected, rtol=2e-3, atol=1e-6)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lajolla import _core, _core_testing
+from lajolla import _core
 
 SCHEMA = _core.schema()
 TYPES = {
@@ -73,8 +73,8 @@ def test_defaults_describe_the_default(name: str) -> None:
     """A model whose fields are all given their defaults is the model without fields."""
     fields = {field["name"]: field["default"] for field in SCHEMA["bsdf"][name]["fields"]}
     wo, u = np.array([[0.6, 0, 0.8]], np.float32), np.full((1, 3), 0.3, np.float32)
-    plain = _core_testing.Bsdf({"type": name}).sample_many(wo, u)
-    spelled = _core_testing.Bsdf({"type": name, **fields}).sample_many(wo, u)
+    plain = _core.Bsdf({"type": name}).sample_many(wo, u)
+    spelled = _core.Bsdf({"type": name, **fields}).sample_many(wo, u)
     for key, value in plain.items():
         np.testing.assert_array_equal(spelled[key], value)
 
@@ -105,7 +105,7 @@ ERRORS = [
 @pytest.mark.parametrize("description, message", ERRORS)
 def test_errors_name_the_place_and_what_is_expected(description: dict, message: str) -> None:
     with pytest.raises(_core.DescriptionError, match=message):
-        _core_testing.Bsdf(description)
+        _core.Bsdf(description)
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_errors_name_the_place_and_what_is_expected(description: dict, message: 
 )  # fmt: skip
 def test_values_that_are_no_reflectance_are_refused(value: object) -> None:
     with pytest.raises(_core.DescriptionError, match="reflectance: expected"):
-        _core_testing.Bsdf({"type": "diffuse", "reflectance": value})
+        _core.Bsdf({"type": "diffuse", "reflectance": value})
 
 
 @pytest.mark.parametrize(
@@ -129,13 +129,13 @@ def test_values_that_are_no_reflectance_are_refused(value: object) -> None:
 )
 def test_values_of_many_python_types_are_reflectances(value: object) -> None:
     wo = np.array([[0, 0, 1]], np.float32)
-    f_cos, _ = _core_testing.Bsdf({"type": "diffuse", "reflectance": value}).eval_many(wo, wo)
+    f_cos, _ = _core.Bsdf({"type": "diffuse", "reflectance": value}).eval_many(wo, wo)
     np.testing.assert_allclose(f_cos[0] * np.pi, np.broadcast_to(value, 3), rtol=1e-6)
 
 
 def test_textures_need_a_scene() -> None:
     with pytest.raises(_core.DescriptionError, match="constants"):
-        _core_testing.Bsdf({"type": "diffuse", "reflectance": {"texture": 0}})
+        _core.Bsdf({"type": "diffuse", "reflectance": {"texture": 0}})
 
 
 def test_errors_are_value_errors() -> None:

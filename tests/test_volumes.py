@@ -37,7 +37,7 @@ def volume(array: Array, **fields: object) -> dict[str, object]:
 
 
 def read(points: Array, array: Array, **fields: object) -> Array:
-    return _core_testing.Media({"volumes": [volume(array, **fields)]}).volume_many(0, points)
+    return _core.Media({"volumes": [volume(array, **fields)]}).volume_many(0, points)
 
 
 def reference(points: Array, array: Array, *, corners: bool, method: str = "linear") -> Array:
@@ -113,9 +113,9 @@ def test_impossible_grids_are_refused(array: Array) -> None:
         _core.Grid(array)
 
 
-def media(array: Array, **medium: object) -> _core_testing.Media:
+def media(array: Array, **medium: object) -> _core.Media:
     """One heterogeneous medium over a volume of extinction."""
-    return _core_testing.Media(
+    return _core.Media(
         {"volumes": [volume(array)], "media": [{"type": "heterogeneous", "sigma_t": {"volume": 0}, **medium}]}
     )
 
@@ -137,7 +137,7 @@ def test_negative_voxels_and_albedos_above_one_do_no_harm() -> None:
     array = voxels((4, 7, 5, 1)) - np.float32(0.5)
     albedo = volume(4 * voxels((3, 3, 3, 1)))
     medium = {"type": "heterogeneous", "sigma_t": {"volume": 0}, "albedo": {"volume": 1}}
-    found = _core_testing.Media({"volumes": [volume(array), albedo], "media": [medium]}).coefficients_many(
+    found = _core.Media({"volumes": [volume(array), albedo], "media": [medium]}).coefficients_many(
         0, positions("negative"), WO
     )
     assert all((found[name] >= 0).all() and np.isfinite(found[name]).all() for name in found)
@@ -153,9 +153,9 @@ def test_majorants_bound_the_extinction_and_pieces_adjoin(shape: tuple[int, ...]
         origin, target = (positions(rng.random(), 1, beyond=b)[0] for b in (1.0, 0.0))
         direction = (target - origin) / np.linalg.norm(target - origin)
         near, far = (0.0, 1e30) if rng.random() < 0.7 else (0.5, 1.125)
-        pieces = medium.majorants_along(0, np.array([*origin, *direction, near, far], np.float32)).astype(
-            float
-        )
+        pieces = _core_testing.majorants_along(
+            medium, 0, np.array([*origin, *direction, near, far], np.float32)
+        ).astype(float)
         t = np.linspace(near, min(far, 8.0), 4000)
         points = (origin + t[:, None] * direction).astype(np.float32)
         at = in_cube(points)
@@ -176,7 +176,9 @@ def test_majorants_bound_the_extinction_and_pieces_adjoin(shape: tuple[int, ...]
 def test_majorants_are_local() -> None:
     array = np.zeros((40, 40, 40, 1), np.float32)
     array[30, 30, 30] = 1
-    pieces = media(array).majorants_along(0, np.array([*TO_WORLD[:3, 3], 1, 1, 1, 0, 10], np.float32))
+    pieces = _core_testing.majorants_along(
+        media(array), 0, np.array([*TO_WORLD[:3, 3], 1, 1, 1, 0, 10], np.float32)
+    )
     assert pieces[0, 2] == 0 and len(pieces) > 3
 
 
@@ -187,13 +189,15 @@ def test_hostile_rays_end(direction: tuple[float, ...]) -> None:
     medium = media(voxels((20, 9, 33, 1)))
     for near, far in ((0, np.inf), (0, 1), (1, 0), (np.nan, np.nan)):
         for origin in ((0.5, 0.5, 0.5), tuple(TO_WORLD[:3, 3]), (np.nan, 0, 0), (1e30, 0, 0)):
-            pieces = medium.majorants_along(0, np.array([*origin, *direction, near, far], np.float32))
+            pieces = _core_testing.majorants_along(
+                medium, 0, np.array([*origin, *direction, near, far], np.float32)
+            )
             assert len(pieces) < 200
 
 
 def test_constant_extinction_is_everywhere() -> None:
-    medium = _core_testing.Media({"media": [{"type": "heterogeneous", "sigma_t": [1, 2, 3], "scale": 2}]})
-    pieces = medium.majorants_along(0, np.array([0, 0, 0, 0, 0, 1, 0.5, np.inf], np.float32))
+    medium = _core.Media({"media": [{"type": "heterogeneous", "sigma_t": [1, 2, 3], "scale": 2}]})
+    pieces = _core_testing.majorants_along(medium, 0, np.array([0, 0, 0, 0, 0, 1, 0.5, np.inf], np.float32))
     np.testing.assert_array_equal(pieces, [[0.5, np.inf, 6]])
     found = medium.coefficients_many(0, 1e6 * positions("far"), WO)
     np.testing.assert_allclose(found["sigma_a"] + found["sigma_s"], np.broadcast_to([2, 4, 6], (4000, 3)))
@@ -212,14 +216,14 @@ def test_microflakes_change_the_extinction() -> None:
         "phases": [{"type": "sggx", "S": {"volume": 1}}],
         "media": [{"type": "heterogeneous", "sigma_t": {"volume": 0}, "phase": 0}],
     }
-    medium, points = _core_testing.Media(description), positions("flakes", 500)
+    medium, points = _core.Media(description), positions("flakes", 500)
     plain = media(voxels((4, 7, 5, 1))).coefficients_many(0, points, WO)
     for w in rng.normal(size=(5, 3)):
         wo = (w / np.linalg.norm(w)).astype(np.float32)
         area = medium.phase_area_many(0, np.broadcast_to(wo, points.shape).copy(), points)
         found = medium.coefficients_many(0, points, wo[None])
         np.testing.assert_allclose(found["sigma_a"], plain["sigma_a"] * area[:, None], rtol=1e-4)
-        pieces = medium.majorants_along(0, np.array([*points[0], *wo, -10, 10], np.float32))
+        pieces = _core_testing.majorants_along(medium, 0, np.array([*points[0], *wo, -10, 10], np.float32))
         assert (found["sigma_a"] + found["sigma_s"])[0].max() <= pieces[:, 2].max()
 
 
@@ -259,4 +263,4 @@ def test_microflakes_change_the_extinction() -> None:
 )
 def test_what_does_not_fit_is_refused(description: dict[str, object], message: str) -> None:
     with pytest.raises(_core.DescriptionError, match=message):
-        _core_testing.Media(description)
+        _core.Media(description)

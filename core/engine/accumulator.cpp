@@ -83,6 +83,8 @@ void Accumulator::add_tile(Tile tile, const Sums &sums, const Counts &counts) {
 
 void Accumulator::cancel() { progress_.cancelled = true; }
 
+void Accumulator::resume() { progress_.cancelled = false; }
+
 double Accumulator::progress() const {
     return static_cast<double>(progress_.samples) / static_cast<double>(samples_to_take_);
 }

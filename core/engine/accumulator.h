@@ -47,6 +47,7 @@ public:
     bool advance(std::uint32_t samples, int threads = 0, bool one_lane = false);
     bool advance(std::span<const std::uint32_t> samples, int threads = 0, bool one_lane = false);
     void cancel();
+    void resume();           // withdraws a cancel() that no advance() has noticed
     double progress() const; // finished fraction of the running advance()
 
     std::size_t width() const, height() const, channels() const;

@@ -13,5 +13,9 @@ void bind_measurements(nb::module_ &m);
 void bind_scene(nb::module_ &m);
 void bind_object_ids(nb::module_ &m);
 void bind_render(nb::module_ &m);
+void bind_queries(nb::module_ &m);
+void bind_bsdfs(nb::module_ &m);
+void bind_lights(nb::module_ &m);
+void bind_media(nb::module_ &m);
 
 } // namespace lajolla

@@ -20,4 +20,8 @@ NB_MODULE(_core, m) {
     lajolla::bind_scene(m);
     lajolla::bind_object_ids(m);
     lajolla::bind_render(m);
+    lajolla::bind_queries(m);
+    lajolla::bind_bsdfs(m);
+    lajolla::bind_lights(m);
+    lajolla::bind_media(m);
 }

@@ -166,7 +166,9 @@ void bind_render(nb::module_ &m) {
              "that were not finished are then as before.")
         .def("advance", &advance_halves, "samples"_a, "threads"_a = 0, "one_lane"_a = false,
              "The same, with a number for each half of each cell: uint32 like `counts`.")
-        .def("cancel", &Accumulator::cancel, "Stops advance(), from another thread.")
+        .def("cancel", &Accumulator::cancel,
+             "Stops advance(), from another thread; or the next one, if none is running.")
+        .def("resume", &Accumulator::resume, "Withdraws a cancel() that came after the end of advance().")
         .def_prop_ro("progress", &Accumulator::progress, "Finished fraction of the running advance().")
         .def("image", &image_of, nb::sig("def image(self) -> numpy.typing.NDArray[numpy.float32]"),
              "Mean of the samples: float32 (height, width, 3 + number of channels); the first three are "

@@ -29,19 +29,25 @@ private:
 #endif
 };
 
-// Calls f(tile index, tile) for all tiles on the given number of threads.
+// Calls f(index) for all indices below `count` on the given number of threads; 0: on all.
 template <class F>
-void for_each_tile(const std::vector<Tile> &tiles, int threads, F &&f) {
+void for_each_index(std::size_t count, int threads, F &&f) {
     const auto run = [&] {
-        tbb::parallel_for(std::size_t(0), tiles.size(), [&](std::size_t i) {
+        tbb::parallel_for(std::size_t(0), count, [&](std::size_t i) {
             const FlushToZero guard;
-            f(i, tiles[i]);
+            f(i);
         });
     };
     if (threads <= 0) return run();
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
                                     static_cast<std::size_t>(threads));
     tbb::task_arena(threads).execute(run);
+}
+
+// Calls f(tile index, tile) for all tiles.
+template <class F>
+void for_each_tile(const std::vector<Tile> &tiles, int threads, F &&f) {
+    for_each_index(tiles.size(), threads, [&](std::size_t i) { f(i, tiles[i]); });
 }
 
 } // namespace lajolla

@@ -35,10 +35,13 @@ if TYPE_CHECKING:
     from lajolla.denoising import DenoiseError
     from lajolla.image import Image
     from lajolla.limits import OptionError
-    from lajolla.loading import Scene, load, load_dict
+    from lajolla.loaded_scene import Scene
+    from lajolla.loading import load, load_dict
     from lajolla.messages import ClusterError, ClusterWarning, LajollaWarning
+    from lajolla.models import Bsdf, Light, Phase
     from lajolla.params import ParamError
     from lajolla.picture_files import ImageError, ImageWarning
+    from lajolla.queries import Intersections
     from lajolla.render import Progress, Rendering
     from lajolla.scene import SceneError, SceneWarning
     from lajolla.transforms import look_at, rotate, scale, translate
@@ -46,15 +49,19 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "Bsdf",
     "ClusterError",
     "ClusterWarning",
     "DenoiseError",
     "Image",
     "ImageError",
     "ImageWarning",
+    "Intersections",
     "LajollaWarning",
+    "Light",
     "OptionError",
     "ParamError",
+    "Phase",
     "Progress",
     "Rendering",
     "Scene",
@@ -77,9 +84,12 @@ _HOMES = {
     "DenoiseError": "denoising",
     "Image": "image",
     **dict.fromkeys(("ImageError", "ImageWarning"), "picture_files"),
+    "Intersections": "queries",
     "OptionError": "limits",
+    **dict.fromkeys(("Bsdf", "Light", "Phase"), "models"),
     **dict.fromkeys(("Progress", "Rendering"), "render"),
-    **dict.fromkeys(("Scene", "load", "load_dict"), "loading"),
+    "Scene": "loaded_scene",
+    **dict.fromkeys(("load", "load_dict"), "loading"),
     "ParamError": "params",
     **dict.fromkeys(("SceneError", "SceneWarning"), "scene"),
     **dict.fromkeys(("look_at", "rotate", "scale", "translate"), "transforms"),

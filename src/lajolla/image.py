@@ -40,6 +40,8 @@ from lajolla.picture_formats import (
     check_offered,
     ending_of,
 )
+from lajolla.pixelwise import Pixelwise
+from lajolla.plotting import plotted
 from lajolla.whole_files import Target, check_folder, is_device, name_of, target_of, written_to
 
 Source: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
@@ -53,11 +55,14 @@ EXACT = 2**24  # whole numbers up to here are exact in float32
 MAX_RGBE = float(np.float32(1.69e38))  # larger numbers wrap around in OpenImageIO's encoder
 
 
-class Image:
+class Image(Pixelwise):
     """A rendered picture: linear RGB in `array`, float32 of shape (height, width, 3), first row on top.
 
     What else was rendered is in `channels`, by name: float32 of shape (height, width); "A" is alpha. `layers`
     has what is no mean of samples: ids and Cryptomattes. `film` determines how the picture is written.
+
+    Arithmetic such as `0.5 * (a + b)` or `abs(a - b)` gives pictures with the film of the first one and no
+    other channels. NumPy's functions take a picture as its array.
     """
 
     @names_checked
@@ -168,6 +173,41 @@ class Image:
         own = {name.rpartition(".")[0] for name in self.channels}
         kept = {name: values for name, values in given.items() if name.rpartition(".")[0] not in own}
         return Image(array, {**kept, **self.channels, **noisy}, self.film, self.layers)
+
+    def to_srgb(self, exposure: float = 0.0) -> NDArray[np.uint8]:
+        """The picture as screens show it: uint8 (height, width, 3), tone mapped by `film`.
+
+        `exposure`, in stops, brightens by 2^exposure. Raises ImageError.
+        """
+        return tone_map(self.array, exposure, self.film)
+
+    @names_checked
+    def plot(self, layer: str = "rgb", *, exposure: float = 0.0, axes: Any = None) -> Any:  # noqa: ANN401
+        """Shows the picture, or another array of `arrays`, with matplotlib.
+
+        Args:
+            layer: "rgb", or the name of a variable that was rendered, such as "depth"; colours are tone
+                mapped, vectors are shown as (v + 1) / 2, and numbers with a colour bar.
+            exposure: of colours, in stops.
+            axes: matplotlib's axes to draw in; default: new ones.
+
+        Returns:
+            The axes.
+
+        Raises:
+            ImageError: matplotlib is not installed, or there is no such layer.
+        """
+        arrays = self.arrays()
+        values = arrays.get(layer)
+        if values is None or values.ndim < 2:
+            raise ImageError(f"there is no layer {layer!r}{suggestion(layer, arrays)}")
+        if values.ndim == 3 and (layer == "rgb" or f"{layer}.R" in self.channels):
+            values = tone_map(values, exposure, self.film)
+        return plotted(values, layer, axes)
+
+    def with_array(self, array: ArrayLike) -> Image:
+        """A picture of these pixels with the same film, and no other channels."""
+        return Image(array, film=self.film)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:  # noqa: ANN401
         return np.array(self.array, dtype=dtype) if copy else np.asarray(self.array, dtype=dtype)

@@ -48,21 +48,24 @@ def apply_options(core: dict[str, Any], options: Options, light_groups: Sequence
 
     `integrator` and `sensor` are ignored here, because they apply when the scene is read.
     """
-    result = dict(core)
-    points = {"type": options.sampler, "sample_count": options.spp, "seed": options.seed}
-    result["sampler"] = _with(core["sampler"], **points)
-    film = dict(core["film"])
-    if options.size is not None:
-        film = {key: value for key, value in film.items() if not key.startswith("crop_")}
-        film["width"], film["height"] = options.size
-    if options.crop is not None:
-        film.update(_crop_fields(options.crop, film))
-    result["film"] = film
+    result = apply_to_view(core, options)
     result["integrator"] = _integrator(core["integrator"], options)
     if options.hide_emitters is not None and "other_integrators" in core:
         others = [_hiding(entry, options.hide_emitters) for entry in core["other_integrators"]]
         result["other_integrators"] = others
     return with_aovs(result, options.aovs, light_groups) if options.aovs else result
+
+
+def apply_to_view(entries: Mapping[str, Any], options: Options) -> dict[str, Any]:
+    """Entries of a description with the options for its "sampler" and its "film". Raises OptionError."""
+    points = {"type": options.sampler, "sample_count": options.spp, "seed": options.seed}
+    film = dict(entries["film"])
+    if options.size is not None:
+        film = {key: value for key, value in film.items() if not key.startswith("crop_")}
+        film["width"], film["height"] = options.size
+    if options.crop is not None:
+        film.update(_crop_fields(options.crop, film))
+    return {**entries, "sampler": _with(entries["sampler"], **points), "film": film}
 
 
 def _with(entry: Mapping[str, Any], **values: object) -> dict[str, Any]:

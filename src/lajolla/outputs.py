@@ -19,7 +19,7 @@ from lajolla.arguments import STREAMS
 from lajolla.display import say
 from lajolla.film import Film
 from lajolla.image import Image, check_exact, check_output, check_space
-from lajolla.loading import Scene
+from lajolla.loaded_scene import Scene
 from lajolla.picture_files import ImageError, ImageWarning
 from lajolla.picture_formats import ENDINGS, HOLD_CHANNELS, ending_of
 from lajolla.render import Rendering

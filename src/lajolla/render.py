@@ -166,8 +166,8 @@ class Rendering:
                 observe(Progress(samples, self.seconds, self.rules, self.noise))
         except BaseException:
             self.accumulator.cancel()
-            if task.result():  # it had ended already, and the next pass would be cancelled instead
-                self.accumulator.advance(counts, self.threads)
+            wait([task])
+            self.accumulator.resume()  # it may have ended already
             raise
         finally:
             self.seconds = time.perf_counter() - start

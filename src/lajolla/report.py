@@ -10,7 +10,7 @@ from typing import Any
 
 from lajolla.comparison import Comparison
 from lajolla.display import size_in_memory
-from lajolla.loading import Scene
+from lajolla.loaded_scene import Scene
 from lajolla.scene import SceneError, SceneWarning
 from lajolla.survey import Finding
 

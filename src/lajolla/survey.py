@@ -12,7 +12,7 @@ from pathlib import Path
 
 from lajolla import _core
 from lajolla.limits import OptionError
-from lajolla.loading import Scene
+from lajolla.loaded_scene import Scene
 from lajolla.scene import SceneError
 from lajolla.scene.syntax.files import file_bytes
 

@@ -9,7 +9,6 @@ namespace nb = nanobind;
 
 void bind_statistics(nb::module_ &m);
 void bind_scene_statistics(nb::module_ &m);
-void bind_media_statistics(nb::module_ &m);
 void bind_recording(nb::module_ &m);
 
 } // namespace lajolla

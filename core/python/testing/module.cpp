@@ -5,6 +5,5 @@ NB_MODULE(_core_testing, m) {
     nanobind::module_::import_("lajolla._core"); // binds the scenes and the exceptions that these calls use
     lajolla::bind_statistics(m);
     lajolla::bind_scene_statistics(m);
-    lajolla::bind_media_statistics(m);
     lajolla::bind_recording(m);
 }

@@ -1,8 +1,6 @@
-// Vectorised calls into lights, filters, shapes and hits of a scene, for the statistical tests.
+// Vectorised calls into filters, shapes and hits of a scene, for the statistical tests.
 
 #include "python/testing/bindings.h"
-
-#include <nanobind/stl/optional.h>
 
 #include <optional>
 #include <vector>
@@ -10,102 +8,12 @@
 #include "engine/renderable.h"
 #include "python/arrays.h"
 #include "python/values.h"
-#include "transport/visibility.h"
 
 namespace lajolla {
 
 namespace {
 
 using namespace nb::literals;
-using Point = nb::ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu>;
-using Index = std::optional<std::uint32_t>; // of one light; none: all of them, picked by power
-
-Vec3f point_of(const Point &p) { return {p(0), p(1), p(2)}; }
-
-const Light &light_at(const Scene &scene, std::uint32_t index) {
-    if (index >= scene.parts().lights.size()) throw nb::index_error("there is no such emitter");
-    return scene.parts().lights[index];
-}
-
-DirectSample<float> sample_light(const Scene &scene, Index index, Vec3f p, Vec3f u) {
-    if (!index) return scene.lights().sample_direct(p, u.x, {u.y, u.z});
-    return match(light_at(scene, *index), [&](const auto &light) {
-        return light.sample_direct(p, u.x, {u.y, u.z}, scene.parts().textures);
-    });
-}
-
-// Whether a light's sample is seen from p, as a path's shadow ray finds out.
-bool sees(const Scene &scene, Tracer &tracer, Vec3f p, const DirectSample<float> &sample) {
-    const auto light = transmittance(scene, tracer, MediumVertex{p, {}, {}}, sample, Vacuum());
-    return light && !is_black(light->value());
-}
-
-nb::dict emitter_sample_many(const RenderableScene &self, const Point &point, const Rows<3> &u, Index index) {
-    const Scene &scene = *self.scene;
-    Tracer tracer(scene.accel());
-    const Vec3f p = scene.from_world(point_of(point));
-    const std::size_t n = u.shape(0);
-    Table<float, 3> wi(n), radiance(n);
-    Table<float, 1> distance(n), pdf(n);
-    Table<bool, 1> delta(n), visible(n);
-    for (std::size_t i = 0; i < n; ++i) {
-        const DirectSample<float> s = sample_light(scene, index, p, triple(u, i));
-        wi.set(i, s.wi);
-        radiance.set(i, s.radiance);
-        distance.set(i, s.distance);
-        pdf.set(i, s.pdf);
-        delta.set(i, s.delta);
-        visible.set(i, s.pdf > 0 && sees(scene, tracer, p, s));
-    }
-    nb::dict result;
-    result["wi"] = std::move(wi).to_numpy();
-    result["distance"] = std::move(distance).to_numpy();
-    result["radiance"] = std::move(radiance).to_numpy();
-    result["pdf"] = std::move(pdf).to_numpy();
-    result["delta"] = std::move(delta).to_numpy();
-    result["visible"] = std::move(visible).to_numpy();
-    return result;
-}
-
-struct Emission {
-    Spectrum radiance{0};
-    float pdf = 0;
-};
-
-// What a path finds that leaves p along wi: radiance, and the density with which lights sample that
-// direction. Nothing where a light is seen from behind: it is not sampled there.
-Emission emission(const Scene &scene, Index index, Vec3f p, Vec3f wi) {
-    const Ray<float> ray{p, wi};
-    const auto found = scene.accel().closest(ray);
-    if (!found) {
-        if (!index) return {scene.lights().environment(wi), scene.lights().pdf_environment(wi)};
-        return match(light_at(scene, *index), [&](const auto &light) {
-            if constexpr (IsEnvironment<std::decay_t<decltype(light)>>)
-                return Emission{light.emitted(wi), light.pdf_direction(wi)};
-            else return Emission{};
-        });
-    }
-    const Hit<float> hit = scene.hit(ray, *found, {});
-    if (hit.emitter < 0 || dot(hit.normal, wi) >= 0) return {};
-    const Spectrum radiance = scene.lights().emitted(hit, -wi);
-    if (!index) return {radiance, scene.lights().pdf_hit(p, hit, wi)};
-    const auto *light = std::get_if<AreaLight>(&light_at(scene, *index));
-    const bool is_this = light && static_cast<std::uint32_t>(hit.emitter) == *index;
-    return is_this ? Emission{radiance, light->pdf_hit(p, hit, wi)} : Emission{};
-}
-
-nb::tuple emitter_eval_many(const RenderableScene &self, const Point &point, const Rows<3> &wi, Index index) {
-    const Vec3f p = self.scene->from_world(point_of(point));
-    Table<float, 3> radiance(wi.shape(0));
-    Table<float, 1> pdf(wi.shape(0));
-    for (std::size_t i = 0; i < wi.shape(0); ++i) {
-        const Emission a = emission(*self.scene, index, p, triple(wi, i));
-        radiance.set(i, a.radiance);
-        pdf.set(i, a.pdf);
-    }
-    return nb::make_tuple(std::move(radiance).to_numpy(), std::move(pdf).to_numpy());
-}
-
 nb::object emitter_powers(const RenderableScene &self, float radius) {
     const Scene &scene = *self.scene;
     return tabulate<1>(scene.parts().lights.size(), [&](std::size_t i) {
@@ -212,17 +120,24 @@ nb::object leave_many(const RenderableScene &self, const Rows<3> &origins, const
     });
 }
 
+nb::object majorants_along(const Media &self, std::int32_t medium, const Column &ray) {
+    if (medium < 0 || static_cast<std::size_t>(medium) >= self.size())
+        throw nb::index_error("there is no such medium");
+    if (ray.shape(0) != 8) throw std::invalid_argument("a ray is eight numbers");
+    const auto *varying = std::get_if<Heterogeneous>(&self[medium]);
+    if (!varying) throw std::invalid_argument("only heterogeneous media have majorants");
+    std::vector<Vec3f> pieces;
+    varying->majorants.traverse({{ray(0), ray(1), ray(2)}, {ray(3), ray(4), ray(5)}, ray(6), ray(7)},
+                                [&](float t0, float t1, float bound) {
+                                    pieces.emplace_back(t0, t1, bound);
+                                    return true;
+                                });
+    return tabulate<3>(pieces.size(), [&](std::size_t i) { return pieces[i]; });
+}
+
 } // namespace
 
 void bind_scene_statistics(nb::module_ &m) {
-    m.def("emitter_sample_many", &emitter_sample_many, "scene"_a, "point"_a, "u"_a, "emitter"_a = nb::none(),
-          "Samples a light, or all of them picked by power, towards a point (3,) with u (N, 3) = which part, "
-          "u.x, u.y: a dict of arrays wi (N, 3), radiance (N, 3), distance, pdf (0: no sample), delta and "
-          "visible (N,).");
-    m.def("emitter_eval_many", &emitter_eval_many, "scene"_a, "point"_a, "wi"_a, "emitter"_a = nb::none(),
-          "Traces rays from a point along wi (N, 3): radiance (N, 3) and density (N,) of a light, or of all, "
-          "in "
-          "these directions.");
     m.def("emitter_powers", &emitter_powers, "scene"_a, "radius"_a,
           "Power (N,) of every light, were the scene's bounding sphere of this radius.");
     m.def("filter_sample_many", &filter_sample_many, "description"_a, "u"_a,
@@ -231,6 +146,8 @@ void bind_scene_statistics(nb::module_ &m) {
         "shape_sample_many", &shape_sample_many, "scene"_a, "shape"_a, "u"_a,
         "Samples points of a shape that is a light with u (N, 3): a dict of arrays position, normal (N, 3), "
         "barycentric (N, 2), position_error, area_pdf and primitive (N,).");
+    m.def("majorants_along", &majorants_along, "media"_a, "medium"_a, "ray"_a,
+          "The pieces t0, t1, majorant (M, 3) along a ray: origin, direction, near and far.");
     m.def("hit_many", &hit_many, "scene"_a, "origins"_a, "directions"_a,
           "The closest hits of rays (1 or N, 3), (N, 3): a dict of arrays of the fields of a hit, and valid "
           "(N,).");

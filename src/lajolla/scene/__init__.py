@@ -27,7 +27,7 @@ from lajolla.film import Film
 from .description import cameras
 from .description.assemble import assemble
 from .description.builder import Builder, plugins_by_kind
-from .description.entries import Objects, Places
+from .description.entries import Objects, Places, View
 from .description.names import Names, Numbered
 from .description.plugins import READER_PLUGINS
 from .description.substitutes import SUBSTITUTES
@@ -52,6 +52,7 @@ __all__ = [
     "SceneFile",
     "SceneWarning",
     "UnknownParameter",
+    "View",
     "convert",
     "core_schema",
     "describe",
@@ -79,6 +80,7 @@ class Description:
     objects: Objects = field(default_factory=Objects)  # that the entries come from
     film: Film = field(default_factory=Film)
     sensors: tuple[str, ...] = ()  # the ids, or else numbers, of all that there are
+    views: Mapping[str, View] = field(default_factory=dict)  # of all but the one that is used, by these names
     names: Names | None = None  # of objects, if they were wanted
     light_groups: tuple[str, ...] = ()  # names of the numbers from 1 on that emitters have as "lightgroup"
 
@@ -306,6 +308,7 @@ def _describe(tree: Tree, builder: Builder) -> Description:
         builder.objects,
         builder.film,
         cameras.names(tree.root),
+        builder.views,
         builder.names,
         tuple(builder.light_groups),
     )

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from ..syntax.errors import SceneError, did_you_mean
+from ..syntax.errors import Diagnostics, SceneError, did_you_mean
 from ..syntax.nodes import Node, Property, Rgb, below
 from . import cameras
 from .builder import Builder
 from .default_camera import default_camera
+from .entries import Objects, Places, View
 from .inside import is_inside
 from .instances import add_instance, check_size, plain_group
 from .mapping import warn_of_missing_coordinates
@@ -49,18 +50,14 @@ def assemble(builder: Builder, scene: Node) -> Entry:
     if not builder.emitters:
         _add_missing_light(builder, scene)
     sensor = cameras.chosen(builder, scene)
-    camera = _one(builder, sensor) if sensor else _missing_sensor(builder, scene)
-    sensor = sensor or _implied(scene, "sensor", "perspective")
-    inside = _only(builder, sensor, "medium")
-    if inside:
-        camera["medium"] = builder.index(inside)
-    film = _only(builder, sensor, "film") or _implied(sensor, "film", "hdrfilm")
-    size = _film(builder, film)
-    rfilter = _only(builder, film, "rfilter") or _implied(film, "rfilter", _default_filter(film))
+    view = _view(builder, scene, sensor)
     output = _output(builder, _integrator(builder, scene))
+    if builder.kept is None:
+        builder.views.update(_other_views(builder, scene, sensor))
     if builder.names is not None:
-        builder.names.counts = {where: len(getattr(builder, where)) for where in NAMED}
-    _warn_of_unseen_media(builder, output["integrator"]["type"], camera, sensor)
+        builder.names.finish({where: len(getattr(builder, where)) for where in NAMED})
+    shown = sensor or _implied(scene, "sensor", "perspective")
+    _warn_of_unseen_media(builder, output["integrator"]["type"], view["sensor"], shown)
     return {
         "textures": builder.textures.stored,
         "bsdfs": builder.bsdfs.stored,
@@ -73,12 +70,44 @@ def assemble(builder: Builder, scene: Node) -> Entry:
         "shapes": builder.shapes.stored,
         "groups": builder.groups.stored,
         "instances": builder.instances.stored,
+        **view,
+        **output,
+    }
+
+
+def _view(builder: Builder, scene: Node, sensor: Node | None) -> Entry:
+    """What belongs to a camera: the entries "sensor", "film", "rfilter" and "sampler"."""
+    camera = _one(builder, sensor) if sensor else _missing_sensor(builder, scene)
+    sensor = sensor or _implied(scene, "sensor", "perspective")
+    inside = _only(builder, sensor, "medium")
+    if inside:
+        camera["medium"] = builder.index(inside)
+    film = _only(builder, sensor, "film") or _implied(sensor, "film", "hdrfilm")
+    size = _film(builder, film)
+    rfilter = _only(builder, film, "rfilter") or _implied(film, "rfilter", _default_filter(film))
+    sampler = _only(builder, sensor, "sampler") or _implied(sensor, "sampler", "sobol")
+    return {
         "sensor": camera,
         "film": size,
         "rfilter": _one(builder, rfilter),
-        "sampler": _one(builder, _only(builder, sensor, "sampler") or _implied(sensor, "sampler", "sobol")),
-        **output,
+        "sampler": _one(builder, sampler),
     }
+
+
+def _other_views(builder: Builder, scene: Node, chosen: Node | None) -> Iterator[tuple[str, View]]:
+    """The views of all cameras but one, by their names; what is wrong with them is told on use."""
+    sensors = scene.outermost("sensor")
+    for name, sensor in zip(cameras.names(scene), sensors, strict=True):
+        if sensor is chosen:
+            continue
+        strict = builder.diagnostics.strict
+        alone = replace(builder, diagnostics=Diagnostics(strict), places=Places(), objects=Objects())
+        try:
+            entries = _view(alone, scene, sensor)
+            warnings = alone.diagnostics.warnings
+            yield name, View(entries, alone.film, alone.objects.plugins, alone.places, warnings)
+        except SceneError as problem:
+            yield name, View({}, builder.film, problem=problem)
 
 
 def _default_filter(film: Node) -> str:

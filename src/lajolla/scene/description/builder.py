@@ -17,7 +17,7 @@ from ..schema import CHILDREN, HARMLESS, TEXTURED, Field, core_schema, fields_of
 from ..syntax.errors import Blame, Diagnostics, Location, SceneError, did_you_mean
 from ..syntax.files import MissingFile, find_file
 from ..syntax.nodes import Node, Property
-from .entries import Entries, Objects, Places
+from .entries import Entries, Objects, Places, View
 from .names import Names, material_name
 from .outputs import Layer, Picture
 from .plugin import (
@@ -157,6 +157,7 @@ class Builder:
     slots: dict[Slot, int] = field(default_factory=dict)
     places: Places = field(default_factory=Places)
     objects: Objects = field(default_factory=Objects)
+    views: dict[str, View] = field(default_factory=dict)  # of the cameras beside the one that is used
     members: Callable[[Node], Iterator[Node]] = lambda node: iter((node,))  # of a run, one by one
     pictures: Budget = field(default_factory=Budget)
     sky_pixels: int = 0  # of the pictures of skies

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, overload
 
-from ..syntax.errors import Location
+from lajolla.film import Film
+
+from ..syntax.errors import Location, SceneError, SceneWarning
 from ..syntax.members import Run
 from ..syntax.nodes import Node
 
@@ -79,6 +81,12 @@ class Objects:
         """The id of an object, or that which it shares."""
         return node.id or self.inherited.get(node, "")
 
+    def with_plugins(self, entries: Iterable[str], plugins: Mapping[str, str]) -> Objects:
+        """The same with other plugins of some entries, which have no ids."""
+        kept = {name: plugin for name, plugin in self.plugins.items() if name not in entries}
+        ids = {name: known for name, known in self.ids.items() if name not in entries}
+        return Objects(ids, {**kept, **plugins})
+
     def note(self, where: str, entry: Entry, node: Node) -> None:
         """Notes that an entry comes from this object."""
         name = self.id_of(node)
@@ -86,6 +94,20 @@ class Objects:
             self.ids[where] = name
         if node.plugin and node.plugin != entry.get("type"):
             self.plugins[where] = node.plugin
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera of a scene: the entries of the description that belong to it ("sensor", "film", "rfilter" and
+    "sampler"), how its picture is written, the plugins and places of the entries, and warnings about it, or
+    the problem if it cannot be used."""
+
+    entries: Entry
+    film: Film
+    plugins: Mapping[str, str] = field(default_factory=dict)
+    places: Mapping[str, Location] = field(default_factory=dict)
+    warnings: Sequence[SceneWarning] = ()
+    problem: SceneError | None = None
 
 
 class Places(dict[str, Location]):
@@ -98,6 +120,13 @@ class Places(dict[str, Location]):
     def add_run(self, where: str, first: int, run: Run, members: Sequence[int]) -> None:
         """Notes that entries of a list from `first` on come from these members of a run."""
         self._runs.append((where, first, run, members))
+
+    def with_places(self, places: Mapping[str, Location]) -> Places:
+        """The same with other places of some entries."""
+        result = Places()
+        result.update({**self, **places})
+        result._runs = self._runs
+        return result
 
     def find(self, entry: str) -> Location | None:
         """The location of an entry; None if unknown."""

@@ -40,6 +40,11 @@ class Names:
         """Names an entry."""
         self.ids.setdefault(where, {})[index] = name
 
+    def finish(self, counts: dict[str, int]) -> None:
+        """Notes how many entries there are; no more are added."""
+        self.counts = counts
+        self._met.clear()  # it holds the whole scene
+
     def numbered(self, where: str) -> Numbered:
         """Numbers for the entries of a list."""
         ids, firsts = self.ids.get(where, {}), dict(self.firsts.get(where, {}))

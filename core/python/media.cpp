@@ -1,6 +1,6 @@
-// Vectorised calls into phase functions, volumes and media, for the statistical tests.
+// Phase functions, volumes and media by themselves, outside of scenes.
 
-#include "python/testing/bindings.h"
+#include "python/bindings.h"
 
 #include "engine/media.h"
 #include "python/arrays.h"
@@ -84,25 +84,10 @@ nb::dict coefficients_many(const Media &self, std::int32_t medium, const Rows<3>
     return result;
 }
 
-nb::object majorants_along(const Media &self, std::int32_t medium, const Column &ray) {
-    require_index(medium, self.size(), "medium");
-    if (ray.shape(0) != 8) throw std::invalid_argument("a ray is eight numbers");
-    const auto *varying = std::get_if<Heterogeneous>(&self[medium]);
-    if (!varying) throw std::invalid_argument("only heterogeneous media have majorants");
-    std::vector<Vec3f> pieces;
-    varying->majorants.traverse({{ray(0), ray(1), ray(2)}, {ray(3), ray(4), ray(5)}, ray(6), ray(7)},
-                                [&](float t0, float t1, float bound) {
-                                    pieces.emplace_back(t0, t1, bound);
-                                    return true;
-                                });
-    return tabulate<3>(pieces.size(), [&](std::size_t i) { return pieces[i]; });
-}
-
 } // namespace
 
-void bind_media_statistics(nb::module_ &m) {
-    nb::class_<Media>(m, "Media",
-                      "Media by themselves, outside a scene: what the statistical tests see of them.")
+void bind_media(nb::module_ &m) {
+    nb::class_<Media>(m, "Media", "Phase functions, volumes and media by themselves, outside of scenes.")
         .def(nb::new_([](const nb::dict &description) { return with_dict(description, read_media); }),
              "description"_a, "The lists \"volumes\", \"phases\" and \"media\" of a scene's description.")
         .def("phase_sample_many", &phase_sample_many, "phase"_a, "wo"_a, "u"_a, "position"_a,
@@ -114,9 +99,7 @@ void bind_media_statistics(nb::module_ &m) {
              "The factors (N,) of the extinction along wo (N, 3).")
         .def("volume_many", &volume_many, "volume"_a, "positions"_a, "A volume's values (N, 3).")
         .def("coefficients_many", &coefficients_many, "medium"_a, "positions"_a, "wo"_a,
-             "sigma_a, sigma_s and emission (N, 3) of a medium.")
-        .def("majorants_along", &majorants_along, "medium"_a, "ray"_a,
-             "The pieces t0, t1, majorant (M, 3) along a ray: origin, direction, near and far.");
+             "sigma_a, sigma_s and emission (N, 3) of a medium.");
 }
 
 } // namespace lajolla

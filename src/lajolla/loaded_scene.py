@@ -1,0 +1,460 @@
+"""Scenes ready to be rendered."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lajolla import _core
+from lajolla.aovs import ALPHA, VARIANCE, check_aovs, with_aovs
+from lajolla.colour import FloatImage
+from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
+from lajolla.image import Image
+from lajolla.limits import MOST_SAMPLES, OptionError, check
+from lajolla.messages import names_checked, suggestion, warn
+from lajolla.objects import ObjectLayers
+from lajolla.options import Options, apply_options, apply_to_view
+from lajolla.params import Params
+from lajolla.picture_files import ImageWarning
+from lajolla.queries import Intersections, intersections_of, occlusion_of
+from lajolla.render import Progress, Rendering, StopRules, available_threads
+from lajolla.scene import Description, Places, SceneWarning, View
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+OUTPUT = ("integrator", "other_integrators", "channels")  # entries of a description
+
+
+class Scene:
+    """A scene ready to be rendered; made by `load` and `load_dict`."""
+
+    def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
+        start = time.perf_counter()
+        core = apply_options(description.core, options, description.light_groups)
+        try:
+            self.core = _core.Scene(core)
+        except Exception as problem:
+            raise description.refusal(problem) from None
+        # To build it again elsewhere, which needs no places of errors.
+        self.description = replace(description, core=core, places=Places())
+        self.options = options
+        self.sensors = description.sensors  # ids of all sensors, or their numbers
+        self._places = description.places
+        self.film = description.film.with_alpha() if ALPHA in options.aovs else description.film
+        self.aovs = tuple(options.aovs)
+        self._params: Params | None = None
+        self.names = description.names  # of objects, if an aov needs them
+        self.warnings: list[SceneWarning] = list(description.warnings)
+        self.load_seconds = load_seconds  # reading files
+        self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A pickle holds the description with its options; the scene is built when the pickle is loaded."""
+        kept = {"film": self.film, "aovs": self.aovs, "names": self.names, "options": self.options}
+        return Scene, (self.description, Options(), self.load_seconds), kept
+
+    def __repr__(self) -> str:
+        samples = self.core.sample_count
+        return f"<lajolla.Scene, {self.width} x {self.height} pixels, {samples} samples per pixel>"
+
+    @property
+    def width(self) -> int:
+        """Of the picture, in pixels."""
+        return self.core.width
+
+    @property
+    def height(self) -> int:
+        """Of the picture, in pixels."""
+        return self.core.height
+
+    @property
+    def params(self) -> Params:
+        """All parameters by readable paths, such as "red.reflectance", to read; see `with_params`."""
+        if self._params is None:
+            self._params = Params(self.description, self._places)
+        return self._params
+
+    def __getitem__(self, path: str) -> Any:  # noqa: ANN401
+        """The value of a parameter; the same as `params[path]`."""
+        return self.params[path]
+
+    def __setitem__(self, path: str, value: object) -> None:
+        """Changes a parameter; see `with_params`. Renderings that were made before are not affected."""
+        self.update({path: value})
+
+    def update(self, values: Mapping[str, Any]) -> None:
+        """Changes several parameters of this scene at once; see `with_params`."""
+        self.__dict__.update(self.with_params(values).__dict__)
+
+    def with_params(self, values: Mapping[str, Any]) -> Scene:
+        """The same scene with other values of some parameters.
+
+        Renders are the same, bit for bit, as those of a scene that was loaded with these values. Only what
+        depends on them is made anew: nothing for a camera, no acceleration structure for a colour.
+
+        Args:
+            values: by the paths of `params`. A value is what the path would return, or what a scene dict
+                takes there: a number, a colour, an array, a `{"type": "bitmap", "data": array}`, or the
+                name of another texture or bsdf. None removes normals and uvs of a mesh, and media.
+
+        Raises:
+            ParamError: there is no such parameter; the message names the most similar one.
+            SceneError: a value is of another type or out of range, or the scene cannot be built with it.
+
+        Example:
+            >>> scene.with_params({"red.reflectance": (0.6, 0.05, 0.05), "sensor.fov": 40.0})
+        """
+        edits = self.params.edits(values)
+        changes, core = edits.changes(), edits.description()
+        try:
+            changed = self.core.with_changes(changes) or _core.Scene(core)
+        except Exception as problem:
+            raise self.params.refusal(problem, changes) from None
+        for warning in edits.warnings:
+            warn(warning)
+        result = self._copy(changed, core)
+        result._params = self.params.after(edits, result.description)
+        return result
+
+    @property
+    def sensor(self) -> str:
+        """The id or number of the sensor that the scene is seen by; "" if it has none."""
+        return next((name for name in self.sensors if name not in self.description.views), "")
+
+    def with_sensor(self, sensor: int | str) -> Scene:
+        """The same scene, seen by another of its sensors; nothing is loaded again.
+
+        Args:
+            sensor: its number, from 0, or its id. The size and other options with which the scene was loaded
+                apply to it too.
+
+        Raises:
+            OptionError: there is no such sensor.
+            SceneError: it cannot be used.
+        """
+        name = self._sensor_name(sensor)
+        if name == self.sensor:
+            return self
+        view = self.description.views[name]
+        if view.problem is not None:
+            raise view.problem
+        for warning in view.warnings:
+            warn(warning)
+        entries = apply_to_view(view.entries, self.options)
+        own = self._own_view(entries)
+        views = {
+            **{other: v for other, v in self.description.views.items() if other != name},
+            self.sensor: own,
+        }
+        changed = self.core.with_changes(entries)
+        assert changed is not None  # the scene stays where it is
+        result = self._copy(changed, {**self.description.core, **entries})
+        objects = self.description.objects.with_plugins(entries, view.plugins)
+        result.description = replace(result.description, views=views, objects=objects)
+        result._places = self._places.with_places(view.places)
+        result.film = view.film
+        return result._with_alpha() if view.film.has_alpha or ALPHA in self.aovs else result
+
+    def _own_view(self, names: Iterable[str]) -> View:
+        """That of the sensor in use, of these entries."""
+        known, core = self.description.objects.plugins, self.description.core
+        plugins = {name: known[name] for name in names if name in known}
+        places = {name: place for name in names if (place := self._places.find(name)) is not None}
+        return View({name: core[name] for name in names}, self.film, plugins, places)
+
+    def _sensor_name(self, sensor: int | str) -> str:
+        if sensor in self.sensors:
+            return str(sensor)
+        number = int(sensor) if str(sensor).isdecimal() else -1
+        if not 0 <= number < len(self.sensors):
+            raise OptionError(f"unknown sensor {sensor!r}{suggestion(str(sensor), self.sensors)}")
+        return self.sensors[number]
+
+    def with_aovs(self, aovs: Sequence[str]) -> Scene:
+        """The same scene, of which these variables are rendered too, such as "depth" and "shape".
+
+        `lajolla list aov` lists them; `Image.arrays` returns them. Raises OptionError.
+        """
+        new = [name for name in check_aovs(aovs) if name not in self.aovs]
+        if not new:
+            return self
+        core = with_aovs(self.description.core, new, self.description.light_groups)
+        result = self._copy(self.core.with_output(_output_of(core)), core)
+        result.aovs = (*self.aovs, *new)
+        return result._with_alpha() if ALPHA in new else result
+
+    def _with_alpha(self) -> Scene:
+        """This scene with alpha, in the picture and among its channels."""
+        self.film = self.film.with_alpha()
+        core, channels = self.description.core, list(self.description.core.get("channels", ()))
+        if all(channel["label"] != "A" for channel in channels):
+            core = {**core, "channels": [{"label": "A", "recorded": "alpha"}, *channels]}
+            self.core = self.core.with_output(_output_of(core))
+            self.description = replace(self.description, core=core)
+        return self
+
+    def _copy(self, core: _core.Scene, description: dict[str, Any]) -> Scene:
+        """The same with another core, and the description of that."""
+        result = Scene.__new__(Scene)
+        result.__dict__.update(self.__dict__)
+        result.core, result._params = core, None
+        result.description = replace(self.description, core=description)
+        return result
+
+    def intersect(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        max_distance: ArrayLike = math.inf,
+        *,
+        threads: int | None = None,
+    ) -> Intersections:
+        """The closest surfaces that rays meet, on all processors.
+
+        Args:
+            origins, directions: (N, 3), or (3,) for the same in all rays; directions need no unit length.
+            max_distance: where rays end, in lengths of the direction: a number, or (N,).
+            threads: number of threads; default: as many as this process may use.
+
+        Raises:
+            ValueError: shapes of the arrays do not fit together.
+
+        Example:
+            >>> hits = scene.intersect((0, 1, 5), [[0, 0, -1], [0, 1, 0]])
+            >>> hits.distance[hits.hit]
+        """
+        check("threads", threads)
+        return intersections_of(self.core, self.names, origins, directions, max_distance, threads or 0)
+
+    def occluded(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        max_distance: ArrayLike = math.inf,
+        *,
+        threads: int | None = None,
+    ) -> NDArray[np.bool_]:
+        """Whether rays meet any surface: (N,); see `intersect`, which takes longer."""
+        check("threads", threads)
+        return occlusion_of(self.core, origins, directions, max_distance, threads or 0)
+
+    @names_checked
+    def rendering(
+        self,
+        *,
+        spp: int | None = None,
+        seconds: float | None = None,
+        noise: float | None = None,
+        adaptive: bool | None = None,
+        seed: int | None = None,
+        threads: int | None = None,
+        first_sample: int = 0,
+        cluster: str | Client | None = None,
+        mixed: bool = False,
+    ) -> Rendering:
+        """A Rendering to run step by step; see `render`.
+
+        Args:
+            first_sample: index of the first sample of each pixel, in its sequence of samples. Renders of
+                different ranges of samples can be merged.
+        """
+        numbers = (("spp", spp), ("seed", seed), ("threads", threads), ("sample", first_sample))
+        for name, value in numbers:
+            check(name, value)
+        if spp is None and seconds is None and noise is None:
+            spp = self.core.sample_count
+        if spp is not None and first_sample + spp > MOST_SAMPLES:
+            raise OptionError(f"sample {first_sample + spp - 1} is beyond the last, {MOST_SAMPLES - 1}")
+        rules = StopRules(
+            spp=spp,
+            seconds=math.inf if seconds is None else seconds,
+            noise=0.0 if noise is None else noise,
+            adaptive=noise is not None if adaptive is None else adaptive,
+            most=MOST_SAMPLES - first_sample,
+        )
+        seed = self.core.seed if seed is None else seed
+        if cluster is not None:
+            from lajolla.cluster import ClusterRendering  # here, as it takes long
+
+            return ClusterRendering(
+                self.core,
+                self.description.core,
+                cluster=cluster,
+                mixed=mixed,
+                rules=rules,
+                seed=seed,
+                threads=threads,
+                film=self.film,
+                first_sample=first_sample,
+            )
+        threads = available_threads() if threads is None else threads
+        if spp is not None and spp < 2 and VARIANCE in self.aovs:
+            raise OptionError("the aov 'variance' needs at least two samples per pixel")
+        return Rendering(
+            self.core,
+            self.description.core,
+            rules=rules,
+            seed=seed,
+            threads=threads,
+            film=self.film,
+            first_sample=first_sample,
+            layers=ObjectLayers(self.core, self.aovs, self.names, seed, first_sample, threads),
+        )
+
+    @names_checked
+    def render(
+        self,
+        *,
+        spp: int | None = None,
+        seconds: float | None = None,
+        noise: float | None = None,
+        adaptive: bool | None = None,
+        seed: int | None = None,
+        threads: int | None = None,
+        sensor: int | str | None = None,
+        aovs: Sequence[str] = (),
+        cluster: str | Client | None = None,
+        mixed: bool = False,
+        progress: Callable[[Progress], None] = lambda progress: None,
+        denoise: bool = False,
+    ) -> Image:
+        """Renders the picture, until the first of spp, seconds and noise is reached.
+
+        The same scene, seed, spp, noise and adaptive give the same picture, bit for bit. An exception, such
+        as KeyboardInterrupt, loses the picture; a `rendering` keeps its finished tiles.
+
+        Args:
+            spp: samples per pixel, or their mean if adaptive; default: the scene's own number, if neither
+                seconds nor noise are given.
+            seconds: time for rendering.
+            noise: relative error of the picture to be reached, as estimated from its samples: the root of the
+                mean of squared errors divided by v^2 + m^2 / 100, of values v and their mean m.
+            adaptive: whether to take more samples where the error is larger; default: if noise is given.
+            seed: seed of the sampler; default: the scene's own seed.
+            threads: number of threads; default: as many as this process may use. With `cluster`: of each
+                worker; default: as many as it has.
+            sensor: number or id of the sensor to look through; see `with_sensor`.
+            aovs: variables to render beside the picture; see `with_aovs`.
+            cluster: renders on the workers of a Dask scheduler, such as "tcp://host:8786", or of a
+                `distributed.Client`; or in so many processes of this machine, such as "local:4". The picture
+                is the same. Raises ClusterError.
+            mixed: permits workers with another instruction set; the picture may then differ in the last bits.
+            progress: called with the progress about ten times a second.
+            denoise: removes noise with the help of `features`; see `Image.denoise`. If that fails, the
+                picture is returned as rendered, with an ImageWarning.
+
+        Raises:
+            DenoiseError: `denoise` is set, and Open Image Denoise is not installed.
+            OptionError: an option is out of range, or the integrator shows no light to denoise.
+        """
+        if denoise:
+            check_available()
+        scene = (self if sensor is None else self.with_sensor(sensor)).with_aovs(aovs)
+        rendering = scene.rendering(
+            spp=spp,
+            seconds=seconds,
+            noise=noise,
+            adaptive=adaptive,
+            seed=seed,
+            threads=threads,
+            cluster=cluster,
+            mixed=mixed,
+        )
+        features = scene.features(seed=seed, threads=threads) if denoise else None
+        rendering.run(progress)
+        image = rendering.image()
+        if features is None:
+            return image
+        try:
+            return image.denoise(features, threads=threads)
+        except DenoiseError as problem:
+            warn(ImageWarning(f"{problem}; the picture is as rendered"))
+            return image
+
+    async def render_async(
+        self,
+        *,
+        progress: Callable[[Progress], None] = lambda progress: None,
+        **options: Any,  # noqa: ANN401
+    ) -> Image:
+        """Renders in another thread, while the event loop goes on; options and errors are those of `render`.
+
+        `progress` is called in that thread. Cancelling the task stops the render, and its picture is lost.
+
+        Example:
+            >>> image = await scene.render_async(spp=64)
+            >>> image = await asyncio.wait_for(scene.render_async(spp=10000), timeout=5)
+        """
+        stopped = threading.Event()
+
+        def observe(state: Progress) -> None:
+            if stopped.is_set():
+                raise asyncio.CancelledError
+            progress(state)
+
+        loop = asyncio.get_running_loop()
+        task = loop.run_in_executor(None, lambda: self.render(progress=observe, **options))
+        try:
+            return await asyncio.shield(task)
+        except asyncio.CancelledError:
+            stopped.set()
+            await asyncio.wait([task])
+            raise
+
+    @names_checked
+    def features(
+        self,
+        *,
+        seed: int | None = None,
+        threads: int | None = None,
+        observe: Callable[[Progress], None] = lambda progress: None,
+    ) -> dict[str, FloatImage]:
+        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.z", by their names.
+
+        They show the first surface that is neither a mirror nor glass, with little noise; see
+        docs/denoising.md. Raises OptionError if the integrator shows no light.
+        """
+        for name, value in (("seed", seed), ("threads", threads)):
+            check(name, value)
+        output = features_output(self.description.core["integrator"])
+        rendering = Rendering(
+            self.core.with_output(output),
+            {**self.description.core, **output},
+            rules=StopRules(spp=FEATURE_SAMPLES),
+            seed=self.core.seed if seed is None else seed,
+            threads=available_threads() if threads is None else threads,
+        )
+        rendering.run(observe)
+        image = rendering.image()
+        return {**dict(zip(LAYERS["albedo"], np.moveaxis(image.array, 2, 0), strict=True)), **image.channels}
+
+    @names_checked
+    def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:
+        """The value of one sample of pixel (x, y), or the mean of all samples: three numbers, float64.
+
+        x and y count from the top left corner of the film, with or without a crop window. Unlike in a
+        picture, values that are not finite are kept. Raises OptionError outside of the picture.
+        """
+        for name, value in (("pixel", (x, y)), ("sample", sample), ("seed", seed)):
+            check(name, value)
+        left, top = self.core.crop_offset
+        if not (left <= x < left + self.width and top <= y < top + self.height):
+            begin = f", which begins at {left},{top}" if left or top else ""
+            raise OptionError(f"pixel {x},{y} is outside of the picture, {self.width} x {self.height}{begin}")
+        seed = self.core.seed if seed is None else seed
+        samples = range(self.core.sample_count) if sample is None else [sample]
+        values = [_core.sample_radiance(self.core, seed, x, y, index) for index in samples]
+        return np.mean(np.asarray(values, np.float64), axis=0)
+
+
+def _output_of(core: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: core[key] for key in OUTPUT if key in core}
