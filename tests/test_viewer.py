@@ -1,4 +1,4 @@
-"""The viewer's render loop, as a page sees it: pictures, edits, layers, and what happens when something fails."""
+"""The viewer's render loop, as a page sees it: pictures, edits, layers, and what happens to failures."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def finished(client: Client, view: int) -> np.ndarray:
     return client.picture.pixels
 
 
-# --- pictures -------------------------------------------------------------------------------------------------
+# --- pictures -----------------------------------------------------------------------------------------------
 
 
 def test_the_last_picture_is_that_of_render(client: Client, scene: Path) -> None:
@@ -151,7 +151,7 @@ def test_pausing(client: Client) -> None:
     client.wait_for("progress", state="rendering")
 
 
-# --- pixels and objects ---------------------------------------------------------------------------------------
+# --- pixels and objects -------------------------------------------------------------------------------------
 
 
 def test_a_pixel_tells_what_it_shows(client: Client, scene: Path) -> None:
@@ -223,7 +223,18 @@ def test_what_cannot_be_done_is_refused(client: Client, message: dict[str, objec
     finished(client, 1)
 
 
-# --- files ----------------------------------------------------------------------------------------------------
+def test_a_lens_is_focused_on_what_is_clicked(scene: Path) -> None:
+    lens = '<sensor type="thinlens"><float name="aperture_radius" value="0.1"/>'
+    scene.write_text(SCENE.replace('<sensor type="perspective">', lens))
+    with viewer(scene) as address, Client(address) as client:
+        finished(client, 0)
+        client.send("focus", x=48, y=32)
+        assert client.wait_for("viewed", view=1)["sensor"]["focus_distance"] == pytest.approx(3, abs=0.05)
+        client.send("focus", x=0, y=0)
+        assert "nothing" in client.wait_for("refused")["message"]
+
+
+# --- files --------------------------------------------------------------------------------------------------
 
 
 def test_the_picture_is_saved(scene: Path, tmp_path: Path) -> None:
@@ -283,7 +294,7 @@ def test_a_scene_that_cannot_be_opened(scene: Path, capfd: pytest.CaptureFixture
     assert "scene.xml:1" in capfd.readouterr().err
 
 
-# --- connections ----------------------------------------------------------------------------------------------
+# --- connections --------------------------------------------------------------------------------------------
 
 
 def test_a_dead_page_does_not_stop_the_render(scene: Path) -> None:
@@ -326,7 +337,7 @@ def test_a_page_that_takes_no_pictures_gets_one_alone(scene: Path) -> None:
         assert slow.pictures <= 1
 
 
-# --- parts ----------------------------------------------------------------------------------------------------
+# --- parts --------------------------------------------------------------------------------------------------
 
 
 def test_edits_that_wait_become_one() -> None:

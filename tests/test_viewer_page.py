@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from OpenImageIO import ImageInput
 from browser_tools import chromium
+from OpenImageIO import ImageInput
 from viewer_tools import SCENE, viewer
 
 import lajolla
@@ -58,7 +58,7 @@ class Page:
     def finished(self, view: int = 0) -> None:
         """Waits until a view, or a later one, is rendered."""
         self.until(
-            "((shown, progress) => shown && progress.state === 'finished' && shown.number >= progress.picture && "
+            "((shown, last) => shown && last.state === 'finished' && shown.number >= last.picture &&"
             f"shown.view >= {view})(window.lajolla.display.pictures.picture, window.lajolla.panels.last)"
         )
 
@@ -79,8 +79,8 @@ class Page:
     def screen(self) -> np.ndarray:
         """The pixels of the film on the canvas, one for each, in 0 to 1: (64, 96, 3)."""
         encoded = self.browser.execute_async_script(
-            "const done = arguments[0]; window.lajolla.display.png().then((blob) => { const r = new FileReader();"
-            "r.onload = () => done(r.result); r.readAsDataURL(blob) })"
+            "const done = arguments[0]; window.lajolla.display.png().then((blob) => {"
+            "const r = new FileReader(); r.onload = () => done(r.result); r.readAsDataURL(blob) })"
         )
         self.file.write_bytes(base64.b64decode(encoded.partition(",")[2]))
         picture = ImageInput.open(str(self.file))

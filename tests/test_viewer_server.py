@@ -39,7 +39,7 @@ def answer(address: str, path: str, **headers: str) -> tuple[int, str]:
     return response.status, response.read().decode("utf-8", "replace")
 
 
-# --- HTTP -----------------------------------------------------------------------------------------------------
+# --- HTTP ---------------------------------------------------------------------------------------------------
 
 
 def test_the_page_and_its_files_are_served(address: str) -> None:
@@ -131,7 +131,7 @@ def test_other_methods_and_long_requests_are_refused(address: str) -> None:
     assert answer(address, url.path)[0] == 200
 
 
-# --- WebSocket ------------------------------------------------------------------------------------------------
+# --- WebSocket ----------------------------------------------------------------------------------------------
 
 
 def refused_status(address: str, **options: object) -> int:
@@ -161,7 +161,7 @@ MALFORMED = [
     *('{"type": "edit", "values": {"a": [[[1]]]}}', '{"type": "edit", "values": {"a": Infinity}}'),
     *('{"type": "edit", "values": {"a": null}}', '{"type": "samples", "limit": 0}'),
     json.dumps({"type": "edit", "values": {f"p{i}": 1 for i in range(1000)}}),
-    json.dumps({"type": "layer", "name": "x" * 10_000}),
+    json.dumps({"type": "show", "layer": "x" * 10_000}),
 ]
 
 
@@ -186,11 +186,11 @@ def test_a_bad_message_ends_its_connection_alone(address: str, data: str | bytes
                 bad.socket.recv(timeout=20)
         assert closed.value.rcvd is not None
         assert closed.value.rcvd.code == (1009 if len(data) > protocol.LONGEST_MESSAGE else 1008)
-        good.send("layer", name="depth")
+        good.send("show", layer="depth")
         good.wait_for("progress", state="finished")
 
 
-# --- pictures -------------------------------------------------------------------------------------------------
+# --- pictures -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("height", "width"), [(1, 1), (3, 5), (700, 512)])

@@ -104,8 +104,12 @@ class Client:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             picture = self.picture
-            if picture is not None and picture.view >= view:
-                if not whole or picture.pixels.shape[:2] == (picture.window[3], picture.window[2]):
-                    return picture
+            if picture is not None and picture.view >= view and (not whole or is_whole(picture)):
+                return picture
             self.receive(max(end - time.monotonic(), 0.01))
         raise TimeoutError(f"no picture of view {view}")
+
+
+def is_whole(picture: Picture) -> bool:
+    """Whether it is no preview."""
+    return picture.pixels.shape[:2] == (picture.window[3], picture.window[2])

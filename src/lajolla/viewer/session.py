@@ -226,7 +226,10 @@ class Session:
             if self._seen and self._pending:
                 return
             start = time.perf_counter()
-            pixels = view.preview(self._layer, divisor)
+            begun = self._cancellable if self._seen else lambda render: None
+            pixels = view.preview(self._layer, divisor, begun)
+            if pixels is None:
+                return
             self._pace.measure(self._layer, pixels.shape[0] * pixels.shape[1], time.perf_counter() - start)
             self._publish(view, pixels)
 

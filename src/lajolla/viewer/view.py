@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -32,6 +33,7 @@ class View:
     rules: StopRules  # of the picture
     threads: int
     _renderings: dict[str, Rendering] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
 
     @property
     def window(self) -> tuple[int, int, int, int]:
@@ -52,14 +54,15 @@ class View:
     def rendering(self, layer: str) -> Rendering:
         """The render that a layer is a part of; begun if there is none."""
         key = layer if _is_field(layer) else ""
-        if key not in self._renderings:
-            self._renderings[key] = self._begun(key)
-        return self._renderings[key]
+        with self._lock:  # pages ask for pixels in other threads
+            if key not in self._renderings:
+                self._renderings[key] = self._begun(key)
+            return self._renderings[key]
 
     def _begun(self, layer: str) -> Rendering:
         core, rules = self.scene.core, self.rules
         if layer:
-            core, rules = core.with_output(_output(layer)), StopRules(spp=LAYER_SAMPLES)
+            core, rules = core.with_output(self._output(layer)), StopRules(spp=LAYER_SAMPLES)
         return Rendering(
             core,
             self.scene.description.core,
@@ -69,21 +72,34 @@ class View:
             film=self.scene.film,
         )
 
+    def _output(self, layer: str) -> dict[str, Any]:
+        """The output of a render that shows a variable."""
+        hidden = self.scene.description.core["integrator"].get("hide_emitters", False)
+        field = {"type": "field", "field": AOVS[layer].field, "see_through": True, "through_lights": hidden}
+        return {"integrator": field, "other_integrators": [], "channels": []}
+
     def limit(self, rules: StopRules) -> None:
         """Lets the picture's render end by other rules."""
         self.rules = rules
         if "" in self._renderings:
             self._renderings[""].rules = rules
 
-    def preview(self, layer: str, divisor: int) -> FloatImage:
-        """A layer with one sample for each pixel of a picture whose sides are divided by a number."""
+    def preview(
+        self, layer: str, divisor: int, begun: Callable[[_core.Render], None] = lambda render: None
+    ) -> FloatImage | None:
+        """A layer with one sample for each pixel of a picture whose sides are divided by a number.
+
+        `begun` is called with the render, if there is one; None if that is cancelled.
+        """
         core = with_film(self.scene, _divided(self.scene.description.core["film"], divisor))
         if layer in IDS:
             return _id_colours(core, layer, self.threads)
         if _is_field(layer):
-            core = core.with_output(_output(layer))
+            core = core.with_output(self._output(layer))
         render = _core.Render(core, core.seed)
-        render.advance(1, self.threads)
+        begun(render)
+        if not render.advance(1, self.threads):
+            return None
         return _of_layer(render.image(), layer, core.channels, render.pixel_counts())
 
     def picture(self, layer: str) -> FloatImage:
@@ -110,12 +126,6 @@ def limits_of(layer: str, pixels: FloatImage) -> Limits | None:
 
 def _is_field(layer: str) -> bool:
     return layer in AOVS and bool(AOVS[layer].field)
-
-
-def _output(layer: str) -> dict[str, Any]:
-    """The output of a render that shows a variable."""
-    integrator = {"type": "field", "field": AOVS[layer].field, "see_through": True}
-    return {"integrator": integrator, "other_integrators": [], "channels": []}
 
 
 def _of_layer(means: FloatImage, layer: str, channels: list[str], counts: NDArray[np.uint32]) -> FloatImage:

@@ -26,6 +26,7 @@ let view = null; // the last message "viewed"
 let home = null; // the placement in the file
 let shownView = -1;
 let moved = false; // the camera, since it was sent
+let movedAt = -Infinity; // when it moved last: what the viewer says of it then is old
 
 const connection = new Connection({
   open: () => say("Opening the scene …"),
@@ -43,7 +44,7 @@ const connection = new Connection({
   viewed: (message) => {
     view = message;
     display.film = [message.film.width, message.film.height];
-    if (!camera.matrix || !moving()) adopt();
+    if (!camera.matrix || performance.now() - movedAt > 700) adopt();
     panels.viewed(message);
   },
   picture: (picture) => {
@@ -76,8 +77,6 @@ function adopt() {
   } else camera.matrix = matrix;
 }
 
-const moving = () => moved || sent > shownView;
-
 let sent = -1; // the view that was shown when the camera was sent last
 let sentAt = 0;
 function sendCamera() {
@@ -98,6 +97,7 @@ control(canvas, camera, {
   dragged: () => corner !== null,
   moved: () => {
     moved = true;
+    movedAt = performance.now();
     say("");
     sendCamera();
   },
