@@ -14,7 +14,7 @@ from pathlib import Path
 from lajolla.image import Image
 from lajolla.interrupts import end_at_once, handled_by
 from lajolla.limits import OptionError
-from lajolla.loading import Scene
+from lajolla.loaded_scene import Scene
 from lajolla.params import ParamError
 from lajolla.render import StopRules, available_threads
 from lajolla.viewer.facts import inspected, objects_found, parameters_of

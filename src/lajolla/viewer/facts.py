@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from lajolla import _core
-from lajolla.loading import Scene
+from lajolla.loaded_scene import Scene
 from lajolla.params.objects import names_by_entry
 from lajolla.scene import plugins_by_kind
 from lajolla.scene.schema import Field

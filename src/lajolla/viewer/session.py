@@ -15,7 +15,7 @@ from lajolla import _core
 from lajolla.aovs import IDS
 from lajolla.colour import FloatImage
 from lajolla.limits import OptionError
-from lajolla.loading import Scene
+from lajolla.loaded_scene import Scene
 from lajolla.messages import LajollaWarning
 from lajolla.params import ParamError
 from lajolla.render import Progress, StopRules

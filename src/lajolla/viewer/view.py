@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lajolla import _core
 from lajolla.aovs import AOVS, IDS, SAMPLES
 from lajolla.colour import FloatImage
-from lajolla.loading import Scene
+from lajolla.loaded_scene import Scene
 from lajolla.render import Rendering, StopRules
 
 LAYER_SAMPLES = 16  # per pixel, of variables, which have little noise

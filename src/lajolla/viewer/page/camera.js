@@ -88,7 +88,7 @@ export function control(canvas, camera, actions) {
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
-    canvas.focus({ preventScroll: true });
+    canvas.focus({ preventScroll: true, focusVisible: false });
     pointers.set(event.pointerId, event);
     travelled = pointers.size > 1 ? Infinity : 0;
     actions.pressed(event);

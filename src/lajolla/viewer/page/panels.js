@@ -114,10 +114,12 @@ export class Panels {
     element("warnings-section").hidden = warnings.length === 0;
     element("warning-count").textContent = `(${warnings.length})`;
     element("warnings").replaceChildren(...warnings.map((text) => made("pre", text)));
-    if (integrators) element("integrator").replaceChildren(...integrators.map((name) => made("option", name, { value: name })));
+    element("integrator").replaceChildren(...integrators.map((name) => made("option", name, { value: name })));
+    element("integrator").value = this.integrator;
   }
 
   viewed({ integrator }) {
+    this.integrator = integrator;
     element("integrator").value = integrator;
     for (const [object, place] of [["sensor", "camera-fields"], ["integrator", "integrator-fields"]])
       if (!element(place).contains(document.activeElement)) this.objects.show(object, element(place));
