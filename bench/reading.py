@@ -6,7 +6,7 @@ Writes its scenes to a temporary folder: a case of so many objects has `size` ti
 its own process; libraries are imported and, by a scene of one sphere, kernels are compiled before. `cpu` is
 what the process and its threads worked from the call that reads the file until it returns, which does not
 depend on what else the machine does; `peak` is the most memory that the process had, libraries included. The
-least of the runs counts, and of Mitsuba's variants the one that is faster.
+median of the runs counts, and of Mitsuba's variants the one that is faster.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ def load(renderer: str, path: str, warm: str) -> None:
 
 
 def measured(renderer: str, path: Path, warm: Path, runs: int) -> tuple[float, float]:
-    """The least seconds and MB of some loads."""
+    """The medians of seconds and MB of some loads."""
     command = [sys.executable, __file__, "--load", renderer, str(path), str(warm)]
     results = [
         json.loads(
@@ -198,7 +198,8 @@ def measured(renderer: str, path: Path, warm: Path, runs: int) -> tuple[float, f
         )
         for _ in range(runs)
     ]
-    return min(result[0] for result in results), min(result[1] for result in results)
+    seconds, memory = np.median(results, axis=0)
+    return float(seconds), float(memory)
 
 
 def main() -> None:

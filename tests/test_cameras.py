@@ -12,9 +12,10 @@ import pytest
 
 import lajolla
 from lajolla import cli, image
-from lajolla.arguments import for_each_sensor, parse
+from lajolla.arguments import parse
 from lajolla.scene import SceneError, load_description, sensor_names
 from lajolla.scene.description import cameras
+from lajolla.series import for_each_sensor
 
 FILM = '<film type="hdrfilm"><integer name="width" value="{}"/><integer name="height" value="3"/></film>'
 LEFT = f'<sensor type="perspective" id="left">{FILM.format(4)}</sensor>'
@@ -135,7 +136,7 @@ def test_names_of_files_do_not_collide(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_numbers_tell_all_files_apart_as_soon_as_any_two_clash() -> None:
     arguments = parse("render scene.xml --all-sensors -o x.exr".split())
-    outputs = [each.outputs[0].name for each in for_each_sensor(arguments, ["a", "a", "0-a"])]
+    outputs = [each.arguments.outputs[0].name for each in for_each_sensor(arguments, ["a", "a", "0-a"])]
     assert outputs == ["x-0-a.exr", "x-1-a.exr", "x-2-0-a.exr"]
 
 
@@ -170,7 +171,7 @@ def test_streams_and_pipes_keep_their_names(
     assert cli.main([*two, "-o", "a.pfm", "--stats", "/dev/null"]) == 0
     for words in ("-o pipe.pfm", "-o a.pfm --stats pipe.pfm"):
         assert cli.main([*two, *words.split()]) == 1
-        message = "pipe.pfm takes one file; --all-sensors writes a file for each of 2 sensors"
+        message = "pipe.pfm takes one file; --all-sensors writes 2"
         assert capsys.readouterr().err == f"lajolla: error: {message}\n"
     one = ["render", str(written(tmp_path, LEFT)), "--all-sensors", "--spp", "1", "--quiet"]
     reader = subprocess.Popen(["cat", "pipe.pfm"], stdout=subprocess.PIPE)

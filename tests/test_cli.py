@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import lajolla
-from lajolla import _core, cli, display, image
+from lajolla import _core, cli, display, image, render_command
 from lajolla.arguments import parse, replay_command
 from lajolla.render import Progress, StopRules
 from lajolla.survey import Finding, survey
@@ -132,7 +132,10 @@ def test_pixel(capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("", "a command is required: render, denoise, check, convert, compare, merge, list, completion"),
+        (
+            "",
+            "a command is required: render, batch, denoise, check, convert, compare, merge, list, completion",
+        ),
         ("rendr room.xml", "unknown command 'rendr'; did you mean 'render'?"),
         ("room.xml", "did you mean: lajolla render room.xml"),
         ("test", "./lajolla test"),
@@ -388,7 +391,7 @@ def interrupting_display(signum: signal.Signals) -> Callable[..., object]:
 def test_interrupted_render_saves_what_is_there(
     signum: signal.Signals, code: int, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cli, "progress_display", interrupting_display(signum))
+    monkeypatch.setattr(render_command, "progress_display", interrupting_display(signum))
     assert cli.main("render room.xml --spp 1000000 --stats s.json".split()) == code
     assert files() == {"room.exr", "room.png", "s.json"}
     samples = json.loads(Path("s.json").read_text())["samples_per_pixel"]
@@ -400,7 +403,7 @@ def test_interrupted_before_the_first_pass(capsys: Capture, monkeypatch: pytest.
     def interrupted(*arguments: object, **settings: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "load", interrupted)
+    monkeypatch.setattr(render_command, "load", interrupted)
     assert cli.main("render room.xml".split()) == 130
     assert files() == set()
     assert capsys.readouterr().err == "lajolla: interrupted; nothing was written\n"
@@ -433,7 +436,7 @@ def test_nonfinite_samples_are_reported_with_a_replay(capsys: Capture) -> None:
     shared = "render room.xml -D level=2 --size 8x6 --crop 1,2,3,4 --seed 4 --max-depth 3"
     arguments = parse(f"{shared} -o a.exr --spp 99".split())
     accumulator = SimpleNamespace(nonfinite=2, nonfinite_list=[(3, 5, 7), (3, 5, 8)])
-    cli._report_nonfinite(SimpleNamespace(accumulator=accumulator), arguments)
+    render_command._report_nonfinite(SimpleNamespace(accumulator=accumulator), arguments)
     replay = f"lajolla {shared} --pixel 3,5 --sample 7"
     error = capsys.readouterr().err
     assert "2 samples were not finite" in error

@@ -165,14 +165,14 @@ def test_rows_of_tiles_add_up_in_any_order() -> None:
         part = _core.Render(scene, SEED, 2, tile_rows=(row, row + 1))
         shape = (16 if row == 0 else 2, 30, 3)
         empty = _core.Sums(np.zeros((*shape, 2), np.int64), np.zeros(shape, np.int8))
-        part.restore(empty, begin, 0, 0, [])
+        part.restore(empty, begin, part.rays, 0, [])
         part.advance(end, 1)
         np.testing.assert_array_equal(part.pixel_counts().shape, shape[:2])
         together.add(row, part.sums(), end - begin, part.rays, part.nonfinite, part.nonfinite_list)
     np.testing.assert_array_equal(together.counts, targets)
     np.testing.assert_array_equal(together.pixel_counts(), whole.pixel_counts())
     np.testing.assert_array_equal(together.image(), whole.image())
-    assert together.rays == whole.rays
+    assert np.array_equal(together.rays, whole.rays)
 
 
 def test_rows_of_tiles_that_do_not_fit_are_refused() -> None:
@@ -184,7 +184,7 @@ def test_rows_of_tiles_that_do_not_fit_are_refused() -> None:
     whole = _core.Render(scene, SEED)
     for row in (1, 2):  # the last row of tiles is lower, or there is none
         with pytest.raises(ValueError, match="another size"):
-            whole.add(row, part.sums(), part.counts, 0, 0, [])
+            whole.add(row, part.sums(), part.counts, part.rays, 0, [])
 
 
 def test_a_restored_render_goes_on() -> None:
@@ -197,7 +197,7 @@ def test_a_restored_render_goes_on() -> None:
     np.testing.assert_array_equal(other.image(), image_of(scene))
     smaller = _core.Render(room(crop_width=20), SEED)
     with pytest.raises(ValueError, match="another size"):
-        smaller.restore(render.sums(), render.counts, 0, 0, [])
+        smaller.restore(render.sums(), render.counts, render.rays, 0, [])
 
 
 def overflowing() -> _core.Scene:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from process_tools import BLOCKED, can_block
 
-from lajolla import cli, display, image
+from lajolla import cli, display, image, render_command
 from lajolla.interrupts import Patience
 from lajolla.render import Progress
 
@@ -147,7 +147,7 @@ def test_no_callback_can_drop_an_interrupt(
 
         yield observe
 
-    monkeypatch.setattr(cli, "progress_display", progress_display)
+    monkeypatch.setattr(render_command, "progress_display", progress_display)
     assert cli.main("render room.xml -o a.exr --spp 4096".split()) == 130
     error = capfd.readouterr().err
     samples = re.search(r"interrupted; wrote a.exr \(([\d.]+) of 4096 samples per pixel", error)
@@ -181,14 +181,14 @@ sys.exit(cli.main({command.split()}))
 def test_an_interrupt_in_the_second_sensor_does_not_deny_the_first() -> None:
     code = """
 import os, signal, sys
-from lajolla import cli
+from lajolla import cli, render_command
 
-def load(arguments, load=cli.load):
+def load(arguments, load=render_command.load):
     if arguments.sensor == 1:
         os.kill(os.getpid(), signal.SIGTERM)
     return load(arguments)
 
-cli.load = load
+render_command.load = load
 sys.exit(cli.main("render room.xml --all-sensors -o a.pfm --quiet".split()))
 """
     sensor = '<sensor type="perspective"/>'
@@ -247,7 +247,7 @@ def test_an_interrupted_pass_keeps_its_finished_tiles(
 
         yield observe
 
-    monkeypatch.setattr(cli, "progress_display", progress_display)
+    monkeypatch.setattr(render_command, "progress_display", progress_display)
     assert cli.main("render room.xml -o a.exr --spp 4096 --size 400x400".split()) == 130
     told = r"interrupted; wrote a.exr \(([\d.]+) of 4096 samples per pixel \(4 to 8\) in"
     found = re.search(told, capfd.readouterr().err)

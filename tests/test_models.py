@@ -79,7 +79,7 @@ def test_lights_are_seen_from_points() -> None:
             "textures must be const",
         ),
         (lajolla.Bsdf, {"type": "diffues"}, "diffues"),
-        (lajolla.Phase, {"type": "hg", "g": 2}, "between -1 and 1|at most|must be"),
+        (lajolla.Phase, {"type": "hg", "g": "forward"}, "expects a number"),
         (lajolla.Light, {"type": "sphere"}, "is an emitter"),
     ],
 )
@@ -119,7 +119,7 @@ def test_pictures_are_added_and_scaled() -> None:
         assert np.allclose(result.array, expected)
         assert result.channels == {}
     assert float(np.mean(a)) == 0.25
-    with pytest.raises((ValueError, lajolla.ImageError)):
+    with pytest.raises(ValueError, match="broadcast"):
         a + np.ones((5, 5))
 
 

@@ -64,8 +64,8 @@ def loaded() -> lajolla.Scene:
         (lambda: lajolla.load("room.xml", strickt=True), "did you mean 'strict'"),
         (
             lambda: lajolla.load("room.xml", qqq=3),
-            "valid: strict, two_sided, parameters, spp, size, crop, seed, sampler, integrator, max_depth, "
-            "sensor, hide_emitters, aovs, level$",
+            "valid: strict, two_sided, parameters, reuse, spp, size, crop, seed, sampler, integrator, "
+            "max_depth, sensor, hide_emitters, aovs, level$",
         ),
         (
             lambda: loaded().render(wrong=1, sppp=3),
@@ -107,7 +107,7 @@ def test_every_public_function_checks_its_options() -> None:
         if any(p.kind == p.VAR_KEYWORD for p in parameters):  # `load` and `load_dict`, as above
             continue
         optional = [p for p in parameters if p.kind == p.KEYWORD_ONLY or p.default is not p.empty]
-        own = ("image", "comparison", "loading", "render")
+        own = ("image", "comparison", "loaded_scene", "loading", "render")
         if optional and function.__module__.removeprefix("lajolla.") in own:
             with pytest.raises(TypeError, match="has no option 'nonsense'"):
                 function(nonsense=1)

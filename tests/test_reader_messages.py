@@ -399,5 +399,5 @@ def test_other_plugins_properties_are_not_problem_one_by_one(tmp_path: Path) -> 
 
 
 def test_a_mesh_without_a_mesh_has_a_place(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="a mesh shape needs a mesh"):
+    with pytest.raises(SceneError, match="a mesh needs positions"):
         lajolla.load(write_scene(tmp_path, '<shape type="mesh"/>'))

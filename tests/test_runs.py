@@ -1,4 +1,4 @@
-"""Shapes that are alike are read together: is that what they are one by one?"""
+"""Shapes and BSDFs that are alike are read together: is that what they are one by one?"""
 
 from __future__ import annotations
 
@@ -296,6 +296,113 @@ def test_shapes_of_many_numbers_are_parsed(monkeypatch: pytest.MonkeyPatch) -> N
     (run,) = parse_xml(source).children
     assert run.run is not None and len(run.run) == 4
     assert compiled == []
+
+
+MATERIALS = (  # bsdfs of a scene, which a run of shapes refers to
+    '<bsdf type="diffuse" id="{id}"><rgb name="reflectance" value="{c}"/></bsdf>',
+    '<bsdf type="diffuse" id="{id}"><rgb name="reflectance" value="{x}"/></bsdf>',
+    '<bsdf type="diffuse" id="{id}"/>',
+    '<bsdf type="roughconductor" id="{id}"><float name="alpha" value="{p}"/></bsdf>',
+    '<bsdf type="twosided" id="{id}"><bsdf type="diffuse"><rgb name="reflectance" value="{c}"/></bsdf>'
+    "</bsdf>",
+    '<bsdf type="twosided" id="{id}"><ref id="{r}"/></bsdf>',
+    '<bsdf type="mask" id="{id}"><float name="opacity" value="{d}"/><bsdf type="diffuse"/></bsdf>',
+    '<bsdf type="dielectric" id="{id}"><rgb name="specular_reflectance" value="{c}"/></bsdf>',
+    '<bsdf type="diffuse" id="{id}"><ref name="reflectance" id="t"/></bsdf>',
+    '<bsdf type="diffuse" id="{id}"><texture name="reflectance" type="checkerboard"/></bsdf>',
+    '<bsdf type="difuse" id="{id}"><rgb name="reflectance" value="{c}"/></bsdf>',
+    '<bsdf type="diffuse" id="{id}"><rgb name="colour" value="{c}"/></bsdf>',
+    '<bsdf type="diffuse" id="{id}"><rgb name="reflectance" value="$small"/></bsdf>',
+    '<bsdf type="bumpmap" id="{id}"><bsdf type="diffuse"/><texture type="checkerboard"/></bsdf>',
+)
+USES = (
+    '<shape type="sphere"><float name="radius" value="{p}"/><ref id="{q}"/></shape>',
+    '<shape type="sphere"><float name="radius" value="{p}"/><bsdf type="twosided"><ref id="{q}"/></bsdf>'
+    "</shape>",
+    '<shape type="sphere"><float name="radius" value="{p}"/><ref id="{q}"/><ref id="L"/></shape>',
+    '<shape type="cylinder"><float name="radius" value="{p}"/><ref id="{q}"/></shape>',
+)
+
+
+def materials_of(kind: str, count: int, writer: Writer) -> str:
+    return "\n".join(writer.shape(kind.replace("{id}", f"m{i}")) for i in range(count))
+
+
+def uses_of(kind: str, names: list[str], writer: Writer) -> str:
+    return "".join(writer.shape(kind.replace("{q}", name)) for name in names)
+
+
+@pytest.mark.parametrize("use", USES)
+@pytest.mark.parametrize("material", MATERIALS)
+@pytest.mark.parametrize("version", ["3.0.0", "0.6.0"])
+def test_bsdfs_of_a_run_are_what_they_are_alone(
+    version: str, material: str, use: str, tmp_path: Path
+) -> None:
+    writer = Writer(1)
+    names = [f"m{writer.random.randrange(9)}" for _ in range(20)]
+    lone = '<alias id="m3" as="three"/><shape type="cube"><ref id="three"/></shape>'
+    lone += '<shape type="disk"><ref id="m2"/></shape>'
+    body = INSIDE + materials_of(material, 9, writer) + uses_of(use, names, writer) + lone
+    same(write(tmp_path / "scene.xml", body + uses_of(USES[0], ["m1", "a", "m1"], writer), version))
+
+
+def test_bsdfs_are_put_together(tmp_path: Path) -> None:
+    writer = Writer(1)
+    body = materials_of(MATERIALS[0], 1000, writer)
+    body += uses_of(USES[0], [f"m{(7 * i) % 1000}" for i in range(2000)], writer)
+    core = same(write(tmp_path / "scene.xml", body)).core
+    assert [len(core[where]) for where in ("bsdfs", "materials", "shapes")] == [1, 1, 1]
+    assert len(entries(core["bsdfs"])) == 1000
+
+
+@pytest.mark.parametrize("use", USES)
+def test_groups_may_use_bsdfs_of_a_run(use: str, tmp_path: Path) -> None:
+    writer = Writer(1)
+    shapes = uses_of(use, [f"m{i % 7}" for i in range(12)], writer)
+    group = f'<shape type="shapegroup" id="q">{shapes}</shape>'
+    instances = "".join(
+        writer.shape(f'<shape type="instance">{PLACE}<ref id="q"/></shape>') for _ in range(3)
+    )
+    body = INSIDE + materials_of(MATERIALS[0], 9, writer) + group + instances
+    assert picture(same(write(tmp_path / "scene.xml", body)))
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_bsdfs_of_a_run_keep_their_names(two_sided: bool, tmp_path: Path) -> None:
+    writer = Writer(1)
+    body = materials_of(MATERIALS[2], 5, writer) + uses_of(USES[0], ["m4", "m1", "m1", "m0"], writer)
+    path = write(tmp_path / "scene.xml", body)
+    found = []
+    for runs in (True, False):
+        description = load_description(path, runs=runs, named=True, two_sided=two_sided)
+        assert description.names is not None
+        numbered = description.names.numbered("materials")
+        found.append((whole(description), numbered.numbers.tolist(), list(numbered.names)))
+    assert found[0] == found[1]
+    assert found[0][2] == ["", "m4", "m1", "m0"]
+
+
+WRONG_MATERIALS = (
+    ('id="m5"', 'id="m7"', "used twice"),
+    ('id="m5"', 'id="m0"', "used twice"),
+    ('id="m1"', 'id="m0"', "used twice"),
+    ('id="m5"', 'id="a"', "used twice"),
+    ('<bsdf type="diffuse" id="m5">', '<bsdf type="diffuse">', "no object has the id"),
+    ('value="0.5"', 'value="abc"', "expected a number"),
+    ('value="0.5"', 'value="1, 2"', "numbers"),
+)
+
+
+@pytest.mark.parametrize(("right", "wrong", "message"), WRONG_MATERIALS)
+def test_a_mistake_has_the_place_of_its_bsdf(right: str, wrong: str, message: str, tmp_path: Path) -> None:
+    body = materials_of(MATERIALS[0].replace("{c}", "0.5"), 9, Writer(1)).replace(right, wrong, 1)
+    path = write(tmp_path / "scene.xml", body + uses_of(USES[0], [f"m{i}" for i in range(9)], Writer(1)))
+    told = []
+    for runs in (True, False):
+        with pytest.raises(SceneError, match=message) as refusal:
+            load_description(path, runs=runs)
+        told.append(str(refusal.value))
+    assert told[0] == told[1]
 
 
 SELF_CLOSED = (

@@ -26,7 +26,8 @@ Accumulator::Accumulator(const RenderableScene &scene, std::optional<std::uint32
     : scene_(scene), window_(window_of(scene.scene->film(), rows)),
       top_(static_cast<std::uint32_t>(window_.crop_offset_y - scene.scene->film().crop_offset_y)),
       seed_(seed.value_or(scene.seed)), first_sample_(first_sample),
-      state_{Sums(width() * height() * channels()), Counts(window_)} {}
+      state_{Sums(width() * height() * channels()), Counts(window_),
+             std::vector<std::uint64_t>(tile_rows() * tile_columns())} {}
 
 bool Accumulator::advance(std::uint32_t samples, int threads, bool one_lane) {
     const std::vector<std::uint32_t> all(get(&RenderState::counts).values().size(), samples);
@@ -50,22 +51,21 @@ bool Accumulator::advance(std::span<const std::uint32_t> samples, int threads, b
     samples_to_take_ =
         std::max<std::uint64_t>(1, sample_count({0, 0, film.crop_width, film.crop_height}, job.ranges));
     progress_.samples = 0;
-    const Report report = render(*scene_.scene, scene_.output, job, progress_,
-                                 [&](const Tile &tile, const Sums &sums) { add_tile(tile, sums, targets); });
+    const Report report = render(
+        *scene_.scene, scene_.output, job, progress_,
+        [&](const Tile &tile, const Sums &sums, std::uint64_t rays) { add_tile(tile, sums, rays, targets); });
     const std::lock_guard lock(results_);
-    add_report(report.rays, report.nonfinite, report.nonfinite_samples);
+    add_nonfinite(report.nonfinite, report.nonfinite_samples);
     return !progress_.cancelled.exchange(false);
 }
 
-void Accumulator::add_report(std::uint64_t rays, std::uint64_t nonfinite,
-                             std::span<const SampleId> nonfinite_samples) {
-    state_.rays += rays;
-    state_.nonfinite += nonfinite;
-    for (const SampleId &id : nonfinite_samples)
+void Accumulator::add_nonfinite(std::uint64_t count, std::span<const SampleId> samples) {
+    state_.nonfinite += count;
+    for (const SampleId &id : samples)
         if (state_.nonfinite_list.size() < Report::kept_samples) state_.nonfinite_list.push_back(id);
 }
 
-void Accumulator::add_tile(Tile tile, const Sums &sums, const Counts &counts) {
+void Accumulator::add_tile(Tile tile, const Sums &sums, std::uint64_t rays, const Counts &counts) {
     tile.y0 -= static_cast<int>(top_), tile.y1 -= static_cast<int>(top_);
     const std::lock_guard lock(results_);
     const std::size_t row = channels() * static_cast<std::size_t>(tile.x1 - tile.x0);
@@ -79,6 +79,8 @@ void Accumulator::add_tile(Tile tile, const Sums &sums, const Counts &counts) {
         for (std::uint32_t x = static_cast<std::uint32_t>(tile.x0); x < static_cast<std::uint32_t>(tile.x1);
              x += cell_size)
             for (const std::uint32_t half : {0u, 1u}) state_.counts.at(x + half, y) = counts.at(x + half, y);
+    state_.rays[static_cast<std::size_t>(tile.y0) / tile_size * tile_columns() +
+                static_cast<std::size_t>(tile.x0) / tile_size] += rays;
 }
 
 void Accumulator::cancel() { progress_.cancelled = true; }
@@ -92,6 +94,8 @@ double Accumulator::progress() const {
 std::size_t Accumulator::width() const { return static_cast<std::size_t>(window_.crop_width); }
 std::size_t Accumulator::height() const { return static_cast<std::size_t>(window_.crop_height); }
 std::size_t Accumulator::channels() const { return scene_.output.channel_count(); }
+std::size_t Accumulator::tile_rows() const { return (height() + tile_size - 1) / tile_size; }
+std::size_t Accumulator::tile_columns() const { return (width() + tile_size - 1) / tile_size; }
 
 std::vector<float> Accumulator::image() const {
     const std::lock_guard lock(results_);
@@ -124,7 +128,7 @@ RenderState Accumulator::state() const {
 void Accumulator::restore(RenderState state) {
     const std::lock_guard one_at_a_time(advancing_);
     const std::lock_guard lock(results_);
-    if (state.sums.size() != state_.sums.size())
+    if (state.sums.size() != state_.sums.size() || state.rays.size() != state_.rays.size())
         throw std::invalid_argument("the samples are of a picture of another size");
     state_ = std::move(state);
 }
@@ -134,15 +138,19 @@ void Accumulator::add(const RenderState &part, std::size_t first_tile_row) {
     const std::lock_guard lock(results_);
     const std::size_t first = first_tile_row * tile_size, row = width() * channels();
     const std::size_t first_count = 2 * state_.counts.columns() * (first / cell_size);
+    const std::size_t first_tile = first_tile_row * tile_columns();
     const auto counts = state_.counts.values();
     if (first * row + part.sums.size() > state_.sums.size() ||
         part.counts.columns() != state_.counts.columns() ||
-        first_count + part.counts.values().size() > counts.size())
+        first_count + part.counts.values().size() > counts.size() ||
+        part.rays.size() != tile_columns() * ((part.sums.size() / row + tile_size - 1) / tile_size) ||
+        first_tile + part.rays.size() > state_.rays.size())
         throw std::invalid_argument("the samples are of a picture of another size");
     state_.sums.add(first * row, part.sums, 0, part.sums.size());
     for (std::size_t i = 0; i < part.counts.values().size(); ++i)
         counts[first_count + i] += part.counts.values()[i];
-    add_report(part.rays, part.nonfinite, part.nonfinite_list);
+    for (std::size_t i = 0; i < part.rays.size(); ++i) state_.rays[first_tile + i] += part.rays[i];
+    add_nonfinite(part.nonfinite, part.nonfinite_list);
 }
 
 std::vector<float> means(const Sums &sums, std::size_t channels, std::span<const std::uint32_t> counts) {

@@ -27,7 +27,7 @@ struct TileRows {
 struct RenderState {
     Sums sums; // the channels of a pixel side by side, row by row
     Counts counts;
-    std::uint64_t rays = 0;
+    std::vector<std::uint64_t> rays{};      // of each tile, row by row
     std::uint64_t nonfinite = 0;            // they count as black
     std::vector<SampleId> nonfinite_list{}; // the first of them
 };
@@ -51,6 +51,7 @@ public:
     double progress() const; // finished fraction of the running advance()
 
     std::size_t width() const, height() const, channels() const;
+    std::size_t tile_rows() const, tile_columns() const;
 
     std::vector<float> image() const; // means, row by row, the channels of a pixel side by side
     std::vector<std::uint32_t> pixel_counts() const; // samples, row by row
@@ -70,8 +71,8 @@ public:
 
 private:
     std::vector<std::uint32_t> counts_of_pixels() const; // needs the lock
-    void add_tile(Tile tile, const Sums &sums, const Counts &counts);
-    void add_report(std::uint64_t rays, std::uint64_t nonfinite, std::span<const SampleId> nonfinite_samples);
+    void add_tile(Tile tile, const Sums &sums, std::uint64_t rays, const Counts &counts);
+    void add_nonfinite(std::uint64_t count, std::span<const SampleId> samples);
 
     const RenderableScene &scene_;
     Film window_;       // of which the rows of tiles are all

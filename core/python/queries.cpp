@@ -3,8 +3,7 @@
 #include "python/bindings.h"
 
 #include <algorithm>
-#include <limits>
-#include <memory>
+#include <array>
 
 #include "engine/renderable.h"
 #include "python/arrays.h"
@@ -35,14 +34,16 @@ struct RayRows {
 
     // Some of them, from `first` on; lanes beyond the last repeat it.
     Ray<WideFloat> packet(std::size_t first) const {
-        Ray<WideFloat> rays;
-        for (int k = 0; k < lanes; ++k) {
-            const std::size_t i = std::min(first + static_cast<std::size_t>(k), count - 1);
-            set_lane(rays.origin, k, scene.from_world(triple(origins, i)));
-            set_lane(rays.direction, k, triple(directions, i));
-            rays.far.v[k] = ends(ends.shape(0) == 1 ? 0 : i);
+        std::array<std::array<float, lanes>, 7> columns;
+        for (std::size_t k = 0; k < lanes; ++k) {
+            const std::size_t i = std::min(first + k, count - 1);
+            const Vec3f origin = scene.from_world(triple(origins, i)), direction = triple(directions, i);
+            columns[0][k] = origin.x, columns[1][k] = origin.y, columns[2][k] = origin.z;
+            columns[3][k] = direction.x, columns[4][k] = direction.y, columns[5][k] = direction.z;
+            columns[6][k] = ends(ends.shape(0) == 1 ? 0 : i);
         }
-        return rays;
+        const auto column = [&](std::size_t c) { return load(columns[c].data()); };
+        return {{column(0), column(1), column(2)}, {column(3), column(4), column(5)}, 0, column(6)};
     }
     WideBool active(std::size_t first) const {
         const std::size_t left = count - first;
@@ -70,15 +71,31 @@ struct Intersections {
         : distance(n), position(n), normal(n), geometric_normal(n), uv(n), shape(n), primitive(n),
           instance(n) {}
 
-    void set(std::size_t i, const Scene &scene, const RayHits &found, const Hit<WideFloat> &hit, int k) {
-        distance.set(i, found.distance[k]);
-        shape.set(i, found.shape[k]);
-        primitive.set(i, found.primitive[k]);
-        instance.set(i, found.instance[k]);
-        position.set(i, scene.in_world(lane_of(hit.position, k)));
-        normal.set(i, lane_of(hit.shading_normal, k));
-        geometric_normal.set(i, lane_of(hit.normal, k));
-        uv.set(i, hit.uv.x[k], hit.uv.y[k]);
+    // Those of a packet, the first of which is the `first` ray.
+    void set(std::size_t first, const Scene &scene, const RayHits &found, const Hit<WideFloat> &hit,
+             WideBool active) {
+        std::array<std::array<float, lanes>, 12> columns;
+        std::array<std::array<std::int32_t, lanes>, 3> ids;
+        std::size_t next = 0;
+        const auto put = [&](const WideFloat &v) { store(columns[next++].data(), v); };
+        const auto put_all = [&](const Vec3<WideFloat> &v) { put(v.x), put(v.y), put(v.z); };
+        put(found.distance), put_all(hit.position), put_all(hit.shading_normal), put_all(hit.normal);
+        put(hit.uv.x), put(hit.uv.y);
+        store(ids[0].data(), found.shape), store(ids[1].data(), found.primitive);
+        store(ids[2].data(), found.instance);
+        for_each_lane(active, [&](int lane) {
+            const auto k = static_cast<std::size_t>(lane), i = first + k;
+            if (ids[0][k] < 0) return set_miss(i);
+            const auto at = [&](std::size_t c) {
+                return Vec3f{columns[c][k], columns[c + 1][k], columns[c + 2][k]};
+            };
+            distance.set(i, columns[0][k]);
+            position.set(i, scene.in_world(at(1)));
+            normal.set(i, at(4));
+            geometric_normal.set(i, at(7));
+            uv.set(i, columns[10][k], columns[11][k]);
+            shape.set(i, ids[0][k]), primitive.set(i, ids[1][k]), instance.set(i, ids[2][k]);
+        });
     }
     void set_miss(std::size_t i) {
         distance.set(i, infinity);
@@ -114,11 +131,7 @@ nb::dict intersect(const RenderableScene &self, const Rows<3> &origins, const Ro
             const WideBool hit = active && found.shape != -1;
             Hit<WideFloat> hits;
             if (any(hit)) hits = scene.hit(rays, found, hit, {}, needs);
-            for_each_lane(active, [&](int k) {
-                const std::size_t i = first + static_cast<std::size_t>(k);
-                if (hit.v[k]) result.set(i, scene, found, hits, k);
-                else result.set_miss(i);
-            });
+            result.set(first, scene, found, hits, active);
         });
     }
     return std::move(result).to_numpy();

@@ -89,6 +89,10 @@ nb::object counts_of(const Counts &counts) {
                     {counts.rows(), counts.columns(), 2});
 }
 
+nb::object rays_of(const Accumulator &render, std::vector<std::uint64_t> rays) {
+    return array_of(std::move(rays), {render.tile_rows(), render.tile_columns()});
+}
+
 using SampleList = std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>>; // x, y, sample
 SampleList tuples(const std::vector<SampleId> &samples) {
     SampleList result;
@@ -102,8 +106,10 @@ bool advance_halves(Accumulator &render, const Array<std::uint32_t> &samples, in
 }
 
 RenderState make_state(const PixelSums &sums, Counts pixel_counts, const Array<std::uint32_t> &counts,
-                       std::uint64_t rays, std::uint64_t nonfinite, const SampleList &nonfinite_list) {
-    RenderState state{sums.sums, std::move(pixel_counts), rays, nonfinite, {}};
+                       const Array<std::uint64_t> &rays, std::uint64_t nonfinite,
+                       const SampleList &nonfinite_list) {
+    RenderState state{
+        sums.sums, std::move(pixel_counts), {rays.data(), rays.data() + rays.size()}, nonfinite, {}};
     if (counts.size() != state.counts.values().size())
         throw std::invalid_argument("the samples are of a picture of another size");
     std::copy_n(counts.data(), counts.size(), state.counts.values().begin());
@@ -112,13 +118,13 @@ RenderState make_state(const PixelSums &sums, Counts pixel_counts, const Array<s
 }
 
 void restore(Accumulator &render, const PixelSums &sums, const Array<std::uint32_t> &counts,
-             std::uint64_t rays, std::uint64_t nonfinite, const SampleList &nonfinite_list) {
+             const Array<std::uint64_t> &rays, std::uint64_t nonfinite, const SampleList &nonfinite_list) {
     render.restore(
         make_state(sums, render.get(&RenderState::counts), counts, rays, nonfinite, nonfinite_list));
 }
 
 void add(Accumulator &render, std::size_t first_tile_row, const PixelSums &sums,
-         const Array<std::uint32_t> &counts, std::uint64_t rays, std::uint64_t nonfinite,
+         const Array<std::uint32_t> &counts, const Array<std::uint64_t> &rays, std::uint64_t nonfinite,
          const SampleList &nonfinite_list) {
     if (sums.width != render.width() || sums.channels != render.channels())
         throw std::invalid_argument("the samples are of a picture of another size");
@@ -181,11 +187,12 @@ void bind_render(nb::module_ &m) {
             "state",
             [](const Accumulator &self) {
                 RenderState state = self.state();
-                return std::tuple(sums_of(self, std::move(state.sums)), counts_of(state.counts), state.rays,
-                                  state.nonfinite, tuples(state.nonfinite_list));
+                return std::tuple(sums_of(self, std::move(state.sums)), counts_of(state.counts),
+                                  rays_of(self, std::move(state.rays)), state.nonfinite,
+                                  tuples(state.nonfinite_list));
             },
-            nb::sig("def state(self) -> tuple[Sums, numpy.typing.NDArray[numpy.uint32], int, int, "
-                    "list[tuple[int, int, int]]]"),
+            nb::sig("def state(self) -> tuple[Sums, numpy.typing.NDArray[numpy.uint32], "
+                    "numpy.typing.NDArray[numpy.uint64], int, list[tuple[int, int, int]]]"),
             "Sums, counts, rays, nonfinite and nonfinite_list of one moment; for restore().")
         .def_prop_ro(
             "counts", [](const Accumulator &self) { return counts_of(self.get(&RenderState::counts)); },
@@ -208,8 +215,9 @@ void bind_render(nb::module_ &m) {
              "a cell, which come after those that it has.")
         .def_prop_ro("samples", &Accumulator::samples, "Samples that every pixel has, at least.")
         .def_prop_ro(
-            "rays", [](const Accumulator &self) { return self.get(&RenderState::rays); },
-            "Rays traced so far.")
+            "rays", [](const Accumulator &self) { return rays_of(self, self.get(&RenderState::rays)); },
+            nb::sig("def rays(self) -> numpy.typing.NDArray[numpy.uint64]"),
+            "Rays traced so far, in tiles of 16 x 16 pixels: uint64 (tile rows, tile columns).")
         .def_prop_ro(
             "nonfinite", [](const Accumulator &self) { return self.get(&RenderState::nonfinite); },
             "Samples that were NaN or infinite; they count as black.")

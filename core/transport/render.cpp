@@ -123,15 +123,15 @@ void render_one_by_one(const Scene &scene, const Model &integrator, const Output
 // Many at a time.
 void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &output, TileSamples &samples,
                      const Job &job, Progress &progress, Tracer &tracer, TileAccumulator &sums) {
-    std::array<SampleId, Wavefront::capacity> ids;
-    std::array<Spectrum, Wavefront::capacity> radiance;
-    std::array<float, Wavefront::capacity> weights;
+    const auto most =
+        static_cast<std::size_t>(std::min<std::uint64_t>(samples.left(), Wavefront::most_samples));
     const std::size_t group_count = group_sums(scene, output).size();
-    std::vector<Spectrum> groups(group_count * Wavefront::capacity);
+    std::vector<SampleId> ids(most);
+    std::vector<Spectrum> radiance(most), groups(group_count * most);
+    std::vector<float> weights(most);
     while (samples.left() > 0) {
         if (progress.cancelled.load(std::memory_order_relaxed)) return;
-        const auto count =
-            static_cast<std::size_t>(std::min<std::uint64_t>(samples.left(), Wavefront::capacity));
+        const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(samples.left(), most));
         for (std::size_t i = 0; i < count; ++i) ids[i] = samples.take();
         wavefront.render(std::span(ids).first(count), job.sequence, job.seed, tracer, radiance, weights,
                          groups);
@@ -165,9 +165,8 @@ std::vector<Report> render_tiles(const Scene &scene, const Output &output, const
             TileAccumulator accumulator(scene, output, tile, tracer, report);
             render(samples, tracer, accumulator);
             if (samples.left() > 0) return; // cancelled
-            report.rays = tracer.rays();
             reports[i] = report;
-            done(tile, accumulator.sums());
+            done(tile, accumulator.sums(), tracer.rays());
         });
     };
     match(output.integrator, [&](const auto &model) {
@@ -190,7 +189,6 @@ std::vector<Report> render_tiles(const Scene &scene, const Output &output, const
 Report merged(const std::vector<Report> &reports) {
     Report result;
     for (const Report &report : reports) {
-        result.rays += report.rays;
         result.nonfinite += report.nonfinite;
         for (const SampleId &id : report.nonfinite_samples)
             if (result.nonfinite_samples.size() < Report::kept_samples)
@@ -239,7 +237,7 @@ Recording record(const Scene &scene, const Output &output, const Job &job) {
     Progress progress;
     Recording recording;
     render_tiles(
-        scene, output, job, progress, [](const Tile &, const Sums &) {}, &recording);
+        scene, output, job, progress, [](const Tile &, const Sums &, std::uint64_t) {}, &recording);
     return recording;
 }
 

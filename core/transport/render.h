@@ -76,7 +76,6 @@ struct Job {
 // Statistics of a render.
 struct Report {
     static constexpr std::size_t kept_samples = 16;
-    std::uint64_t rays = 0;
     std::uint64_t nonfinite = 0;             // samples that were NaN or infinite, and count as black
     std::vector<SampleId> nonfinite_samples; // the first of them, in the order of tiles
 };
@@ -92,8 +91,8 @@ Spectrum sample_radiance(const Scene &scene, const Integrator &integrator, Seque
                          std::uint32_t seed, SampleId id, Tracer &tracer);
 
 // Called with the sums of a finished tile's samples, if there are any: channel_count() for each of its
-// pixels, row by row.
-using TileDone = std::function<void(const Tile &tile, const Sums &sums)>;
+// pixels, row by row; and with the number of rays that they took.
+using TileDone = std::function<void(const Tile &tile, const Sums &sums, std::uint64_t rays)>;
 
 // Takes the job's samples. `done` may be called from several threads at a time. If the job is cancelled,
 // tiles that are not finished are left out.

@@ -19,7 +19,7 @@ bool is_wide_model(const Bsdf &bsdf) {
 
 Wavefront::Wavefront(const Scene &scene, const Path &integrator)
     : scene_(scene), integrator_(integrator), light_group_count_(scene.light_group_count()),
-      group_sizes_(scene.parts().materials.size() + 3), samplers_(capacity), paths_(capacity + lanes),
+      group_sizes_(scene.parts().materials.size() + 3), samplers_(most_samples), paths_(capacity + lanes),
       next_(capacity + lanes), hits_(capacity + lanes), shapes_(capacity + lanes),
       instances_(capacity + lanes), shadow_rays_(Materials::most_lit_leaves * capacity + lanes),
       order_(capacity + lanes), group_of_path_(capacity + lanes) {
@@ -55,16 +55,22 @@ void Wavefront::render(std::span<const SampleId> ids, SequenceKind sequence, std
         samplers_[i] = Sampler(sequence, seed, ids[i].x, ids[i].y, ids[i].index);
         radiance[i] = Spectrum(0);
     }
-    start(ids, weights);
-    if (integrator_.max_depth == 0) return;
-    while (count_ > 0) {
+    next_count_ = 0;
+    for (std::size_t started = 0; started < ids.size() || next_count_ > 0;) {
+        // Few paths would leave many lanes empty, so that others begin before the last one has ended.
+        if (next_count_ <= capacity / 2) {
+            const std::size_t count = std::min(capacity - next_count_, ids.size() - started);
+            start(ids, started, count, weights);
+            started += count;
+        }
+        std::swap(paths_, next_);
+        count_ = std::exchange(next_count_, 0);
+        if (integrator_.max_depth == 0) continue;
         trace(tracer);
         sort();
-        next_count_ = shadow_count_ = 0;
+        shadow_count_ = 0;
         for (const Group &group : groups_) scatter(group, tracer);
         trace_shadow_rays(tracer);
-        std::swap(paths_, next_);
-        count_ = next_count_;
     }
 }
 
@@ -194,10 +200,10 @@ LightGroups Wavefront::light_groups(std::int32_t sample) const {
 
 // --- the steps
 
-void Wavefront::start(std::span<const SampleId> ids, std::span<float> weights) {
-    next_count_ = 0;
-    for (std::size_t i = 0; i < ids.size(); i += lanes) {
-        const std::size_t last = ids.size() - 1;
+void Wavefront::start(std::span<const SampleId> ids, std::size_t first, std::size_t count,
+                      std::span<float> weights) {
+    for (std::size_t i = first; i < first + count; i += lanes) {
+        const std::size_t last = first + count - 1;
         const auto sampler = [&](int k) -> const Sampler & {
             return samplers_[std::min(i + static_cast<std::size_t>(k), last)];
         };
@@ -209,13 +215,11 @@ void Wavefront::start(std::span<const SampleId> ids, std::span<float> weights) {
             packet.samples[k] = static_cast<std::int32_t>(i + k);
         }
         const auto film = sample_film(scene_, Sampler::cameras(sampler), lajolla::load(x), lajolla::load(y));
-        const std::size_t count = std::min(ids.size() - i, static_cast<std::size_t>(lanes));
-        append(Path::start(film.camera), packet, first_lanes(static_cast<int>(count)));
+        const std::size_t active = std::min(last + 1 - i, static_cast<std::size_t>(lanes));
+        append(Path::start(film.camera), packet, first_lanes(static_cast<int>(active)));
         store(weight, film.weight);
-        std::copy_n(weight, count, weights.data() + i);
+        std::copy_n(weight, active, weights.data() + i);
     }
-    std::swap(paths_, next_);
-    count_ = next_count_;
 }
 
 void Wavefront::trace(Tracer &tracer) {

@@ -17,12 +17,13 @@ namespace lajolla {
 
 class Wavefront {
 public:
-    static constexpr std::size_t capacity = 512; // paths
+    static constexpr std::size_t capacity = 512;      // paths at a time
+    static constexpr std::size_t most_samples = 4096; // of a call of render()
 
     Wavefront(const Scene &scene, const Path &integrator);
 
-    // The radiance and the filter weights of samples, at most `capacity`. `groups` gets the radiance of each
-    // sample by light groups, side by side, unless it is empty.
+    // The radiance and the filter weights of samples, at most `most_samples`. `groups` gets the radiance of
+    // each sample by light groups, side by side, unless it is empty.
     void render(std::span<const SampleId> ids, SequenceKind sequence, std::uint32_t seed, Tracer &tracer,
                 std::span<Spectrum> radiance, std::span<float> weights, std::span<Spectrum> groups = {});
 
@@ -49,7 +50,7 @@ private:
     static constexpr std::int32_t missed = -2, one_by_one = -3;
 
     // The steps.
-    void start(std::span<const SampleId> ids, std::span<float> weights);
+    void start(std::span<const SampleId> ids, std::size_t first, std::size_t count, std::span<float> weights);
     void trace(Tracer &tracer);
     void sort();
     void scatter(const Group &group, Tracer &tracer);

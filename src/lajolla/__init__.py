@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from lajolla import render as render
     from lajolla import report as report
     from lajolla import scene as scene
+    from lajolla import series as series
     from lajolla import survey as survey
     from lajolla import whole_files as whole_files
     from lajolla.denoising import DenoiseError
@@ -78,7 +79,7 @@ __all__ = [
 # Modules and names are imported when they are first used: `lajolla --help` does without NumPy and the core.
 _MODULES = tuple(
     "_core catalog checkpoint comparison completion denoising film image outputs picture_formats render "
-    "report scene survey whole_files".split()
+    "report scene series survey whole_files".split()
 )
 _HOMES = {
     "DenoiseError": "denoising",

@@ -2,15 +2,14 @@
 
 import argparse
 import difflib
-import math
-import re
 import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from lajolla.aovs import AOVS, check_aovs
-from lajolla.limits import COMPRESSIONS, LIMITS, OptionError, check
+from lajolla import option_values
+from lajolla.aovs import AOVS
+from lajolla.limits import COMPRESSIONS
 from lajolla.messages import suggestion
 
 STREAMS = {"-": "stdout", "/dev/stdout": "stdout", "/dev/stderr": "stderr"}
@@ -37,6 +36,7 @@ examples:
   lajolla render - -o - --format png < scene.xml > picture.png
   lajolla render scene.xml --noise 1% --time 2h --checkpoint scene.ckpt
   lajolla render scene.xml --noise 1% --time 2h --resume scene.ckpt       after a crash
+  lajolla render scene.xml --frames 1-240 -D angle=0..360 -o 'frames/{frame:04}.png'
 
 Ctrl-C stops rendering and saves the samples so far, denoised with --denoise.""",
     "view": """\
@@ -47,6 +47,27 @@ examples:
 
 The address is of this machine alone and has a random token. A change of the scene's file is shown at once.
 Ctrl-C ends it. docs/viewer.md describes the page.""",
+    "batch": """\
+JOBS is a TOML file with "scene" and long options of lajolla render; those above the first [[job]] belong to
+all jobs. Parameters with several values are rendered in all combinations. Paths are relative to JOBS.
+
+  spp = 64
+  denoise = true
+
+  [[job]]
+  scene = "turntable.xml"
+  frames = "1-240"
+  parameters = {angle = "0..360"}
+  output = "turntable/{frame:04}.exr"
+
+  [[job]]
+  scene = "balls.xml"
+  parameters = {metal = ["Au", "Cu"], roughness = [0.1, 0.2, 0.4]}
+  output = ["balls-{metal}-{roughness}.exr", "balls-{metal}-{roughness}.png"]
+
+examples:
+  lajolla batch jobs.toml --dry-run         the commands, without rendering
+  lajolla batch jobs.toml --skip-existing   what is missing, after an interrupt""",
     "denoise": """\
 examples:
   lajolla denoise noisy.exr -o clean.exr
@@ -152,6 +173,12 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
         parser.error("--all-sensors cannot be combined with --sensor or --pixel")
     if arguments.mixed and arguments.cluster is None:
         parser.error("--mixed needs --cluster")
+    if arguments.frames is not None and arguments.pixel is not None:
+        parser.error("--frames cannot be combined with --pixel")
+    if arguments.keep_going and arguments.frames is None:
+        parser.error("--keep-going needs --frames")
+    if arguments.skip_existing and not arguments.outputs:
+        parser.error("--skip-existing needs a picture: name it with -o")
     outputs = [str(path) for path in arguments.outputs or []]
     if str(arguments.scene) == "-" and not outputs and arguments.pixel is None:
         parser.error("a scene from standard input has no name for its picture: name it with -o")
@@ -180,6 +207,8 @@ def prints_results(arguments: argparse.Namespace) -> bool:
         return arguments.pixel is not None or any(is_standard_output(path) for path in named)
     if arguments.command == "denoise":
         return any(is_standard_output(path) for path in arguments.outputs)
+    if arguments.command == "batch":
+        return bool(arguments.dry_run)
     return arguments.command != "convert" or is_standard_output(arguments.target)
 
 
@@ -208,6 +237,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
     adders: dict[str, tuple[str, Callable[[Parser], None]]] = {
         "render": ("render a scene", _add_render),
         "view": ("look at a scene in the browser, and change it", _add_view),
+        "batch": ("render the jobs of a file", _add_batch),
         "denoise": ("remove noise from a rendered picture", _add_denoise),
         "check": ("open a scene; print statistics and warnings", _add_check),
         "convert": ("write a scene as a file for Mitsuba 3", _add_convert),
@@ -237,12 +267,12 @@ def _add_file(parser: Parser) -> argparse._ArgumentGroup:
         metavar="SCENE",
         help="Mitsuba scene file (XML); - reads standard input, with files relative to the working folder",
     )
-    parser.set_defaults(standard_input=None)
+    parser.set_defaults(standard_input=None, previous=None)
     group = parser.add_argument_group("scene")
     group.add_argument(
         "-D",
         dest="parameters",
-        type=_definition,
+        type=option_values.definition,
         action="append",
         default=[],
         metavar="NAME=VALUE",
@@ -258,11 +288,16 @@ def _add_scene(parser: Parser) -> None:
     group.add_argument("--sensor", metavar="N|ID", help="sensor to render: its number, from 0, or its id")
     group = parser.add_argument_group("picture")
     group.add_argument(
-        "--size", type=_size, metavar="WxH", help="size of the film; removes the scene's crop window"
+        "--size",
+        type=option_values.size,
+        metavar="WxH",
+        help="size of the film; removes the scene's crop window",
     )
-    group.add_argument("--crop", type=_crop, metavar="X,Y,W,H", help="render only this window of the film")
-    group.add_argument("--spp", type=_whole("spp"), metavar="N", help="samples per pixel")
-    group.add_argument("--seed", type=_whole("seed"), metavar="N", help="seed of the sampler")
+    group.add_argument(
+        "--crop", type=option_values.crop, metavar="X,Y,W,H", help="render only this window of the film"
+    )
+    group.add_argument("--spp", type=option_values.whole("spp"), metavar="N", help="samples per pixel")
+    group.add_argument("--seed", type=option_values.whole("seed"), metavar="N", help="seed of the sampler")
     group.add_argument(
         "--sampler",
         choices=("sobol", "independent"),
@@ -274,7 +309,10 @@ def _add_scene(parser: Parser) -> None:
         help="integrator to use instead of the scene's (lajolla list integrator)",
     )
     group.add_argument(
-        "--max-depth", type=_whole("max_depth"), metavar="N", help="longest path in segments; -1: no limit"
+        "--max-depth",
+        type=option_values.whole("max_depth"),
+        metavar="N",
+        help="longest path in segments; -1: no limit",
     )
     group.add_argument(
         "--hide-emitters",
@@ -285,7 +323,7 @@ def _add_scene(parser: Parser) -> None:
     group.add_argument(
         "--aov",
         dest="aovs",
-        type=_aovs,
+        type=option_values.aovs,
         action="extend",
         default=[],
         metavar="NAME,...",
@@ -295,7 +333,7 @@ def _add_scene(parser: Parser) -> None:
 
 def _add_render(parser: Parser) -> None:
     _add_scene(parser)
-    parser.set_defaults(suffix="")
+    parser.set_defaults(suffix="", keep_partial=True)
     group = _add_output(
         parser,
         default=" (default: the scene's name with the endings for its film, usually .exr and .png)",
@@ -311,13 +349,21 @@ def _add_render(parser: Parser) -> None:
         help="remove noise with Open Image Denoise (pip install 'lajolla[denoise]'); EXR files keep the "
         "noisy picture as a layer",
     )
+    group = _add_series(parser)
+    group.add_argument(
+        "--frames",
+        type=option_values.frames,
+        metavar="1-240",
+        help="render these frames: {frame} in a value of -D is the number, and -D NAME=FROM..TO goes from "
+        "the first frame to the last; {frame:04} in OUT is the number with zeros, otherwise it is appended",
+    )
     group = parser.add_argument_group(
         "end (at the first of --spp, --time and --noise; default: the scene's spp)"
     )
-    group.add_argument("--time", type=_seconds, metavar="90s|5m|1h", help="time for rendering")
+    group.add_argument("--time", type=option_values.seconds, metavar="90s|5m|1h", help="time for rendering")
     group.add_argument(
         "--noise",
-        type=_noise,
+        type=option_values.noise,
         metavar="X",
         help="relative error of the picture, as estimated from its samples: 0.01 is hardly visible",
     )
@@ -331,14 +377,14 @@ def _add_render(parser: Parser) -> None:
         "--checkpoint", type=Path, metavar="FILE", help="file for the samples so far, written every minute"
     )
     group.add_argument(
-        "--every", type=_seconds, metavar="TIME", help="time between two writes (default: 60s)"
+        "--every", type=option_values.seconds, metavar="TIME", help="time between two writes (default: 60s)"
     )
     group.add_argument(
         "--resume", type=Path, metavar="FILE", help="continue this checkpoint, and keep updating it"
     )
     group.add_argument(
         "--first-sample",
-        type=_whole("sample"),
+        type=option_values.whole("sample"),
         default=0,
         metavar="N",
         help="number of the first sample of each pixel, to render a picture in parts for lajolla merge",
@@ -358,8 +404,29 @@ def _add_render(parser: Parser) -> None:
     group.add_argument(
         "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
     )
-    group.add_argument("--pixel", type=_pixel, metavar="X,Y", help="only print this pixel's radiance")
-    group.add_argument("--sample", type=_whole("sample"), metavar="N", help="with --pixel: only this sample")
+    group.add_argument(
+        "--pixel", type=option_values.pixel, metavar="X,Y", help="only print this pixel's radiance"
+    )
+    group.add_argument(
+        "--sample", type=option_values.whole("sample"), metavar="N", help="with --pixel: only this sample"
+    )
+
+
+def _add_series(parser: Parser) -> argparse._ArgumentGroup:
+    """Adds the options of several renders; returns their group."""
+    group = parser.add_argument_group("series (docs/rendering.md)")
+    group.add_argument("--skip-existing", action="store_true", help="render only pictures that are not there")
+    group.add_argument("--keep-going", action="store_true", help="go on with the next render after an error")
+    return group
+
+
+def _add_batch(parser: Parser) -> None:
+    parser.add_argument("jobs", type=Path, metavar="JOBS", help="TOML file with options of lajolla render")
+    group = _add_series(parser)
+    group.add_argument(
+        "--dry-run", action="store_true", help="only print the commands, with paths relative to this folder"
+    )
+    _add_run(parser)
 
 
 def _add_view(parser: Parser) -> None:
@@ -367,15 +434,15 @@ def _add_view(parser: Parser) -> None:
     group = parser.add_argument_group("viewer")
     group.add_argument(
         "--noise",
-        type=_noise,
+        type=option_values.noise,
         metavar="X",
         help="render until this relative error of the picture, as estimated",
     )
     group.add_argument("--compare", type=Path, metavar="PICTURE", help="picture to compare with in the page")
-    group.add_argument("--port", type=_whole("port"), default=0, metavar="N", help="default: any free one")
+    group.add_argument("--port", type=option_values.whole("port"), default=0, metavar="N", help="default: any free one")
     group.add_argument("--no-browser", action="store_true", help="only print the address")
     group.add_argument(
-        "--threads", type=_whole("threads"), metavar="N", help="number of threads (default: all)"
+        "--threads", type=option_values.whole("threads"), metavar="N", help="number of threads (default: all)"
     )
 
 
@@ -412,7 +479,7 @@ def _add_output(parser: Parser, *, default: str, required: bool = False) -> argp
     )
     group.add_argument(
         "--exposure",
-        type=_finite,
+        type=option_values.finite,
         default=0.0,
         metavar="STOPS",
         help="brightens PNG, JPEG and the like by 2^STOPS",
@@ -429,7 +496,7 @@ def _add_run(parser: Parser) -> argparse._ArgumentGroup:
     """Adds the options of how to run; returns their group."""
     group = parser.add_argument_group("run")
     group.add_argument(
-        "--threads", type=_whole("threads"), metavar="N", help="number of threads (default: all)"
+        "--threads", type=option_values.whole("threads"), metavar="N", help="number of threads (default: all)"
     )
     group.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     return group
@@ -487,132 +554,6 @@ def _add_completion(parser: Parser) -> None:
     parser.add_argument(
         "shell", choices=("bash", "zsh", "fish", "tcsh"), help="shell to generate the script for"
     )
-
-
-def _whole(option: str) -> Callable[[str], int]:
-    """A parser for the value of an option that is one whole number."""
-
-    def parsed(text: str) -> int:
-        (value,) = _numbers(option, text, ",", "a whole number")
-        return value
-
-    return parsed
-
-
-def _numbers(option: str, text: str, separator: str, form: str) -> tuple[int, ...]:
-    """Parses an option's whole numbers and checks their ranges; `form` describes the expected format."""
-    try:
-        values = tuple(int(part) for part in text.split(separator))
-    except ValueError:
-        values = ()
-    if len(values) != len(LIMITS[option]):
-        raise argparse.ArgumentTypeError(f"{text!r} is not {form}")
-    try:
-        check(option, values if len(values) > 1 else values[0])
-    except OptionError as problem:
-        raise argparse.ArgumentTypeError(str(problem)) from None
-    return values
-
-
-def _size(text: str) -> tuple[int, ...]:
-    return _numbers("size", text.lower(), "x", "WIDTHxHEIGHT, such as 640x480")
-
-
-def _crop(text: str) -> tuple[int, ...]:
-    return _numbers("crop", text, ",", "X,Y,WIDTH,HEIGHT, such as 0,0,64,64")
-
-
-def _aovs(text: str) -> tuple[str, ...]:
-    try:
-        return check_aovs(name.strip() for name in text.split(","))
-    except OptionError as problem:
-        raise argparse.ArgumentTypeError(str(problem)) from None
-
-
-def _pixel(text: str) -> tuple[int, ...]:
-    return _numbers("pixel", text, ",", "X,Y, such as 10,20")
-
-
-SECONDS = {"": 1, "s": 1, "m": 60, "min": 60, "h": 3600, "d": 86400}
-
-
-def _seconds(text: str) -> float:
-    found = re.fullmatch(r"(\d+(?:\.\d*)?|\.\d+)\s*([a-z]*)", text.strip().lower())
-    if found is None or found[2] not in SECONDS or not float(found[1]) > 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a time, such as 90s, 5m or 1.5h")
-    return float(found[1]) * SECONDS[found[2]]
-
-
-def _noise(text: str) -> float:
-    try:
-        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-    except ValueError:
-        value = math.nan
-    if not 0 < value < 1:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not a relative error between 0 and 1, such as 0.01 or 1%"
-        )
-    return value
-
-
-def _finite(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not abs(value) <= 100:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from -100 to 100")
-    return value
-
-
-def _definition(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not name or not equals:
-        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE")
-    return name, value
-
-
-def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list[argparse.Namespace]:
-    """A copy of the command for each sensor, with other output files: "a.exr" becomes "a-NAME.exr"."""
-    if not names:  # it has one that its file does not name
-        return [_for_sensor(arguments, None, "")]
-    if len(names) > 1:
-        _refuse_devices(arguments, len(names))
-    written = [re.sub(r"[^\w.-]+", "_", name) for name in names]
-    if len(set(written)) < len(written):
-        written = [f"{number}-{name}" for number, name in enumerate(written)]
-    return [_for_sensor(arguments, number, f"-{name}") for number, name in enumerate(written)]
-
-
-def _refuse_devices(arguments: argparse.Namespace, count: int) -> None:
-    """Checks that standard output gets at most one picture, and a pipe at most one file."""
-    found = [path for path in arguments.outputs or [] if _is_stream(path)]
-    stats = arguments.stats
-    if stats is not None and str(stats) not in STREAMS and stats.is_fifo():
-        found.append(stats)
-    if found:
-        what = "standard output" if str(found[0]) == "-" else str(found[0])
-        raise UsageError(f"{what} takes one file; --all-sensors writes a file for each of {count} sensors")
-
-
-def _for_sensor(arguments: argparse.Namespace, number: int | None, suffix: str) -> argparse.Namespace:
-    result = argparse.Namespace(**vars(arguments))
-    result.all_sensors, result.sensor, result.suffix = False, number, suffix
-    result.outputs = [_with_suffix(path, suffix) for path in arguments.outputs or []]
-    for name in ("stats", "checkpoint", "resume"):
-        path = getattr(arguments, name)
-        setattr(result, name, path and _with_suffix(path, suffix))
-    return result
-
-
-def _with_suffix(path: Path, suffix: str) -> Path:
-    return path if _is_stream(path) else path.with_name(path.stem + suffix + path.suffix)
-
-
-def _is_stream(path: Path) -> bool:
-    from lajolla.whole_files import is_device  # here, as no --help needs it
-
-    return str(path) in STREAMS or is_device(path)
 
 
 def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int | None = None) -> str:

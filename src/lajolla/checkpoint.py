@@ -28,7 +28,7 @@ from lajolla.picture_files import ImageError
 from lajolla.render import Rendering, developed
 from lajolla.whole_files import replacing
 
-FORMAT = 1  # of the files; others are refused
+FORMAT = 2  # of the files; others are refused
 
 # What NumPy raises for a file that is not one of its archives, or that is damaged.
 DAMAGES = (ValueError, KeyError, TypeError, EOFError, IndexError, MemoryError, zipfile.BadZipFile, zlib.error)
@@ -71,10 +71,10 @@ class Checkpoint:
     aovs: list[str]
     ranges: list[tuple[int, int]]
     seconds: float
-    rays: int
     nonfinite: int
     nonfinite_list: list[tuple[int, int, int]]
     sums: _core.Sums
+    rays: NDArray[np.uint64]  # of each tile
     counts: Counts
     rounds: dict[str, NDArray[Any]]  # of adaptive renders: the state of the estimate, and the round
 
@@ -92,7 +92,9 @@ class Checkpoint:
     def write(self, path: Path) -> None:
         """Writes a file in place of the one that is there. Raises ImageError."""
         facts = {
-            name: value for name, value in vars(self).items() if name not in ("sums", "counts", "rounds")
+            name: value
+            for name, value in vars(self).items()
+            if name not in ("sums", "rays", "counts", "rounds")
         }
         text = json.dumps({**facts, "format": FORMAT, "film": asdict(self.film)})
         with replacing(path) as temporary, open(temporary, "wb") as file:
@@ -100,6 +102,7 @@ class Checkpoint:
                 "facts": np.array(text),
                 "digits": self.sums.digits,
                 "places": self.sums.places,
+                "rays": self.rays,
                 "counts": self.counts,
                 **self.rounds,
             }
@@ -112,8 +115,9 @@ def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Che
     estimate, rounds = rendering.estimate, {}
     if rendering.rules.in_rounds:
         rounds = {
+            "errors": estimate.errors,
             "changes": estimate.changes,
-            "changes_before": estimate.changes_before,
+            "reduction": np.array(estimate.reduction),
             "measured_counts": estimate.counts,
             "measured_picture": estimate.picture,
         }
@@ -131,10 +135,10 @@ def of_rendering(rendering: Rendering, own: dict[str, Any] | None = None) -> Che
         aovs=list(rendering.aovs),
         ranges=[(first, first + int(counts.max()))],
         seconds=rendering.seconds,
-        rays=rays,
         nonfinite=nonfinite,
         nonfinite_list=nonfinite_list,
         sums=sums,
+        rays=rays,
         counts=counts,
         rounds=rounds,
     )
@@ -177,6 +181,7 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
     places = _shaped(arrays.pop("places"), np.int8, values)
     halves = Halves(width, height, (x, y))
     counts = _shaped(arrays.pop("counts"), np.uint32, halves.shape)
+    rays = _shaped(arrays.pop("rays"), np.uint64, halves.tiles)
     ranges = [
         (_whole(first, 0, MOST_SAMPLES), _whole(end, 1, MOST_SAMPLES)) for first, end in facts["ranges"]
     ]
@@ -198,13 +203,13 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
         aovs=aovs,
         ranges=ranges,
         seconds=_seconds(facts["seconds"]),
-        rays=_whole(facts["rays"], 0, 2**63),
         nonfinite=_whole(facts["nonfinite"], 0, 2**63),
         nonfinite_list=[
             (_whole(x, 0, LARGEST), _whole(y, 0, LARGEST), _whole(sample, 0, MOST_SAMPLES))
             for x, y, sample in facts["nonfinite_list"]
         ],
         sums=_core.Sums(digits, places),
+        rays=rays,
         counts=counts,
         rounds=_checked_rounds(arrays, halves),
     )
@@ -213,8 +218,9 @@ def _checked(facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Checkpoi
 def _checked_rounds(arrays: dict[str, NDArray[Any]], halves: Halves) -> dict[str, NDArray[Any]]:
     """The state of rounds: all of it, or none."""
     shapes: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
+        "errors": (np.float64, halves.shape),
         "changes": (np.float64, halves.shape),
-        "changes_before": (np.float64, halves.shape),
+        "reduction": (np.float64, ()),
         "measured_counts": (np.uint32, halves.shape),
         "measured_picture": (np.float32, (*halves.size, 3)),
         "round": (np.uint32, halves.shape),
@@ -257,8 +263,9 @@ def resume(rendering: Rendering, path: Path) -> Rendering:
     rendering.accumulator.restore(saved.sums, saved.counts, saved.rays, saved.nonfinite, saved.nonfinite_list)
     rendering.seconds = saved.seconds
     if rendering.rules.in_rounds and "changes" in saved.rounds:
+        rendering.estimate.errors = saved.rounds["errors"]
         rendering.estimate.changes = saved.rounds["changes"]
-        rendering.estimate.changes_before = saved.rounds["changes_before"]
+        rendering.estimate.reduction = float(saved.rounds["reduction"])
         rendering.estimate.counts = saved.rounds["measured_counts"]
         rendering.estimate.picture = saved.rounds["measured_picture"]
         rendering.round = saved.rounds.get("round")

@@ -31,11 +31,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from lajolla import _core, processor, units
-from lajolla.adaptive import Counts
+from lajolla.adaptive import TILE_SIZE, Counts
 from lajolla.limits import OptionError
 from lajolla.messages import ClusterError, ClusterWarning, names_checked, warn
 from lajolla.render import Progress, Rendering, available_threads
-from lajolla.units import TILE_SIZE, Plan, Result, Unit
+from lajolla.units import Plan, Result, Unit
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -174,6 +174,7 @@ class Image(Pixelwise):
         kept = {name: values for name, values in given.items() if name.rpartition(".")[0] not in own}
         return Image(array, {**kept, **self.channels, **noisy}, self.film, self.layers)
 
+    @names_checked
     def to_srgb(self, exposure: float = 0.0) -> NDArray[np.uint8]:
         """The picture as screens show it: uint8 (height, width, 3), tone mapped by `film`.
 

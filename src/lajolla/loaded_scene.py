@@ -44,8 +44,9 @@ class Scene:
             self.core = _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
-        # To build it again elsewhere, which needs no places of errors.
-        self.description = replace(description, core=core, places=Places())
+        # To build it again elsewhere, which needs neither places of errors nor the contents of files.
+        self.description = replace(description, core=core, places=Places(), files={})
+        self.files: Mapping[Any, Any] = description.files  # that were read, for `load(reuse=)`
         self.options = options
         self.sensors = description.sensors  # ids of all sensors, or their numbers
         self._places = description.places
@@ -210,6 +211,7 @@ class Scene:
         result.description = replace(self.description, core=description)
         return result
 
+    @names_checked
     def intersect(
         self,
         origins: ArrayLike,
@@ -235,6 +237,7 @@ class Scene:
         check("threads", threads)
         return intersections_of(self.core, self.names, origins, directions, max_distance, threads or 0)
 
+    @names_checked
     def occluded(
         self,
         origins: ArrayLike,

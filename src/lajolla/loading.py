@@ -20,6 +20,7 @@ def load(
     strict: bool = False,
     two_sided: bool = False,
     parameters: Mapping[str, object] | None = None,
+    reuse: Scene | None = None,
     **options: Any,  # noqa: ANN401
 ) -> Scene:
     """Opens a Mitsuba scene file.
@@ -33,6 +34,8 @@ def load(
         strict: makes unknown plugins and properties errors.
         two_sided: makes opaque surfaces reflect on both sides.
         parameters: values of the file's `$name` parameters.
+        reuse: a scene, such as the last frame of an animation: files that it has read are read again only if
+            they have changed.
         options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor,
             hide_emitters, aovs); other names are parameters that the file must have.
 
@@ -54,9 +57,10 @@ def load(
             integrator=own.integrator,
             sensor=own.sensor,
             named=True,
+            known_files=reuse.files if reuse is not None else {},
         )
     except UnknownParameter as problem:
-        hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", *vars(own), *problem.known])
+        hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", "reuse", *vars(own), *problem.known])
         what = f"load() has no option {problem.name!r}, nor has the scene such a parameter"
         raise TypeError(what + hint) from None
     return _warned(Scene(description, own, time.perf_counter() - start))

@@ -157,7 +157,7 @@ class Light:
     """
 
     def __init__(self, description: Mapping[str, Any]) -> None:
-        self.scene = load_dict({**FRAME, "light": description})
+        self.scene = load_dict({**FRAME, "light": description}, strict=True)
         if not self.scene.description.core["emitters"]:
             raise SceneError("a Light is an emitter, or a shape with an emitter inside")
 
@@ -176,7 +176,7 @@ class Light:
 
 
 def _described(shape: Mapping[str, Any]) -> dict[str, Any]:
-    return describe({**FRAME, "own": shape}).core
+    return describe({**FRAME, "own": shape}, strict=True).core
 
 
 ORIGIN = np.zeros((1, 3), np.float32)

@@ -167,7 +167,7 @@ def statistics(scene: Scene, rendering: Rendering) -> dict[str, Any]:
         "render_seconds": rendering.seconds,
         "samples": samples,
         "samples_per_second": samples / seconds,
-        "rays_per_second": rendering.accumulator.rays / seconds,
+        "rays_per_second": int(rendering.accumulator.rays.sum()) / seconds,
         "peak_memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit,
         "nonfinite_samples": rendering.accumulator.nonfinite,
     }

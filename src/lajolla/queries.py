@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -40,7 +40,7 @@ class Intersections:
     shape: Ids
     primitive: Ids
     instance: Ids
-    _names: Names | None = None
+    _names: Names | None = field(default=None, repr=False)
 
     @property
     def hit(self) -> NDArray[np.bool_]:
@@ -73,8 +73,7 @@ def occlusion_of(
     core: _core.Scene, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike, threads: int
 ) -> NDArray[np.bool_]:
     """See `Scene.occluded`."""
-    found: NDArray[np.bool_] = _core.occluded(core, *_rays(origins, directions, max_distance), threads)
-    return found
+    return np.asarray(_core.occluded(core, *_rays(origins, directions, max_distance), threads))
 
 
 def _rays(origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike) -> RayRows:

@@ -203,9 +203,9 @@ class Rendering:
     def _next_round(self) -> Counts:
         counts = self.accumulator.counts
         if self.rules.adaptive and np.isfinite(self.noise):
-            return self.estimate.next_counts(
-                counts, most=self.rules.most_samples, noise=self.rules.noise or None
-            )
+            cost = self.halves.cost(self.accumulator.rays, counts)
+            most, noise = self.rules.most_samples, self.rules.noise or None
+            return self.estimate.next_counts(counts, cost, most=most, noise=noise)
         return np.minimum(2 * counts, self.rules.most_samples).astype(np.uint32)
 
     def _passes_to(self, counts: Counts) -> Iterator[Counts]:

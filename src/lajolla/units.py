@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lajolla import _core
-from lajolla.adaptive import CELL_SIZE, Counts, Halves
+from lajolla.adaptive import CELL_SIZE, TILE_SIZE, Counts, Halves
 
-TILE_SIZE = 16  # as in the core
 SHORTEST = 1 / 15  # of units near the end, of the longest: all workers should end together
 
 
@@ -35,7 +34,7 @@ class Result:
 
     digits: NDArray[np.int64]  # of the `_core.Sums`
     places: NDArray[np.int8]
-    rays: int
+    rays: NDArray[np.uint64]  # of each tile
     nonfinite: int
     nonfinite_list: list[tuple[int, int, int]]
     seconds: float  # that one thread would need
@@ -48,7 +47,7 @@ class Samples:
     row: int
     sums: _core.Sums
     counts: Counts
-    rays: int
+    rays: NDArray[np.uint64]  # of each tile
     nonfinite: int
     nonfinite_list: list[tuple[int, int, int]]
 
@@ -69,7 +68,7 @@ def render(scene: _core.Scene, seed: int, first_sample: int, unit: Unit, threads
     """Renders a unit."""
     start = time.perf_counter()
     accumulator = _core.Render(scene, seed, first_sample, (unit.row, unit.row + 1))
-    accumulator.restore(accumulator.sums(), unit.before, 0, 0, [])
+    accumulator.restore(accumulator.sums(), unit.before, accumulator.rays, 0, [])
     accumulator.advance(unit.after, threads)
     sums = accumulator.sums()
     return Result(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import gc
 import os
 import re
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -26,7 +26,7 @@ from lajolla.film import Film
 
 from .description import cameras
 from .description.assemble import assemble
-from .description.builder import Builder, plugins_by_kind
+from .description.builder import Builder, FileContent, plugins_by_kind
 from .description.entries import Objects, Places, View
 from .description.names import Names, Numbered
 from .description.plugins import READER_PLUGINS
@@ -36,6 +36,7 @@ from .schema import core_schema
 from .syntax.dict_reader import nodes_from_dict
 from .syntax.errors import Blame, Diagnostics, Location, SceneError, SceneWarning, Source, reason_of
 from .syntax.expand import UnknownParameter, expand_file
+from .syntax.ids import Member
 from .syntax.nodes import Node
 from .syntax.resolve import follow, resolve
 from .syntax.typed import Tree, member_of_run, nodes_from_elements
@@ -65,6 +66,7 @@ __all__ = [
 
 SceneFile: TypeAlias = str | os.PathLike[str] | BinaryIO
 NO_PARAMETERS: Mapping[str, str] = MappingProxyType({})
+NOTHING_KNOWN: Mapping[Hashable, FileContent] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,7 @@ class Description:
     views: Mapping[str, View] = field(default_factory=dict)  # of all but the one that is used, by these names
     names: Names | None = None  # of objects, if they were wanted
     light_groups: tuple[str, ...] = ()  # names of the numbers from 1 on that emitters have as "lightgroup"
+    files: Mapping[Hashable, FileContent] = field(default_factory=dict)  # that were read
 
     def refusal(self, problem: Exception) -> SceneError:
         """The error to raise when the core refuses the description: the core's message at its place.
@@ -128,6 +131,7 @@ def load_description(
     sensor: str | int | None = None,
     named: bool = False,
     runs: bool = True,
+    known_files: Mapping[Hashable, FileContent] = NOTHING_KNOWN,
 ) -> Description:
     """Reads a Mitsuba scene file of any version.
 
@@ -140,17 +144,23 @@ def load_description(
         integrator: the plugin to use in place of the scene's integrator, with the parameters that both have.
         sensor: the number, from zero, or the id of the one to look through.
         named: keep the names of objects.
-        runs: read shapes that are alike together, which is quicker and means the same.
+        runs: read objects that are alike together, which is quicker and means the same.
+        known_files: `files` of another description, which are read again only if they have changed.
 
     Raises:
         SceneError: the scene cannot be read; the message contains the location and the reason.
         UnknownParameter: the scene does not have one that it must have.
     """
     tree, builder = _read(path, parameters, strict, required_names, runs=runs)
-    names = Names() if named else None
-    return _describe(
-        tree, replace(builder, two_sided=two_sided, integrator=integrator, sensor=sensor, names=names)
+    builder = replace(
+        builder,
+        two_sided=two_sided,
+        integrator=integrator,
+        sensor=sensor,
+        names=Names() if named else None,
+        known_files=known_files,
     )
+    return _describe(tree, builder)
 
 
 @_collector_paused()
@@ -271,10 +281,21 @@ def _read(
 def _members(tree: Tree, builder: Builder, node: Node) -> Iterator[Node]:
     """The individual shapes of a run's node, as if there were no run."""
     for index in range(node.count):
-        member = member_of_run(node, index)
-        upgrade(member.nodes, builder.table, Diagnostics())  # the run's warnings were reported
-        follow(member, tree.ids)
-        yield next(child for _, child in member.root.children("shape"))
+        parsed = _parsed(builder, Member(node, index))
+        follow(parsed, tree.ids)
+        yield next(child for _, child in parsed.root.children("shape"))
+
+
+def _bsdf(builder: Builder, member: Member) -> Node:
+    """An individual BSDF of a run; it refers to nothing."""
+    return next(child for _, child in _parsed(builder, member).root.children("bsdf"))
+
+
+def _parsed(builder: Builder, member: Member) -> Tree:
+    """A tree of one object of a run, whose references are not followed yet."""
+    parsed = member_of_run(member.node, member.number)
+    upgrade(parsed.nodes, builder.table, Diagnostics())  # the run's warnings were reported
+    return parsed
 
 
 def _named(file: SceneFile) -> tuple[Path, bytes | None]:
@@ -293,7 +314,7 @@ def _opened(tree: Tree, builder: Builder) -> Tree:
     """Nodes with the names of Mitsuba 3, resolved references, and all cameras in the scene itself."""
     with Blame(tree.root.location), np.errstate(all="ignore"):  # the core checks for numbers
         upgrade(tree.nodes, builder.table, builder.diagnostics)
-        resolve(tree)
+        resolve(tree, partial(_bsdf, builder))
         cameras.spread(tree.root, builder.diagnostics)
     return tree
 
@@ -311,4 +332,5 @@ def _describe(tree: Tree, builder: Builder) -> Description:
         builder.views,
         builder.names,
         tuple(builder.light_groups),
+        builder.files,
     )

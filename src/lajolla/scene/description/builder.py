@@ -115,6 +115,14 @@ def _of_model(kind: str, name: str) -> Plugin:
 
 
 @dataclass(frozen=True)
+class FileContent:
+    """What was made of a file, and the warnings about it."""
+
+    made: object
+    warnings: tuple[tuple[str, Location | None], ...]
+
+
+@dataclass(frozen=True)
 class Construction:
     """How a node was built."""
 
@@ -163,7 +171,9 @@ class Builder:
     sky_pixels: int = 0  # of the pictures of skies
     settings: dict[Path, int] = field(default_factory=dict)  # number of settings each file is read with
     kept: dict[Node, Construction] | None = None  # how nodes were built, for the way out
-    made: dict[Hashable, object] = field(default_factory=dict)  # meshes and images are read once
+    made: dict[Hashable, object] = field(default_factory=dict)  # by `once`
+    files: dict[Hashable, FileContent] = field(default_factory=dict)  # by `read`
+    known_files: Mapping[Hashable, FileContent] = field(default_factory=dict)  # of another scene
     found: dict[tuple[str, str], Plugin | None] = field(default_factory=dict)  # by kind and name as written
 
     # Files
@@ -198,6 +208,22 @@ class Builder:
         if key not in self.made:
             self.made[key] = make()
         return cast("Made", self.made[key])
+
+    def read(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """The content of a file, made now unless this or another scene has it."""
+        if key in self.files:
+            return cast("Made", self.files[key].made)
+        if key in self.known_files:
+            content = self.known_files[key]
+            for message, location in content.warnings:
+                self.diagnostics.warn(message, location)
+        else:
+            count = len(self.diagnostics.collected)
+            made = make()
+            warnings = list(self.diagnostics.collected.values())[count:]
+            content = FileContent(made, tuple((w.message, w.location) for w in warnings))
+        self.files[key] = content
+        return cast("Made", content.made)
 
     # Plugins
 

@@ -94,7 +94,13 @@ class Context(Protocol):
         """Counts the settings with which a file is read, because each takes memory; too many are an error."""
 
     def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
-        """The result of `make`, which is called once per key, so that files are read once."""
+        """The result of `make`, which is called once per key."""
+
+    def read(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """The same for the content of a file, which may be known from another scene.
+
+        The key has the file's `identity` and everything else that the result depends on.
+        """
 
     def convert(self, owner: Node, prop: Property, field: Field) -> Any:  # noqa: ANN401
         """A property's value, converted to the type of a field."""

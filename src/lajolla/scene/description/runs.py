@@ -124,6 +124,8 @@ def _materials(builder: Builder, node: Node, material: Material) -> int | Column
         return Column(np.array([found[member] for member in prop.members if isinstance(member, Node)]))
     if bsdf.run is None:
         return material(builder, node, bsdf)
+    if bsdf.ids and builder.names is not None:  # each material has a name
+        raise Irregular
     own = [bsdf, *(inner for inner in below([bsdf]) if inner.run is not None)]
     properties = [prop for part in own for prop in part.properties]
     for shared in below([bsdf]):  # messages about shared objects do not concern the run

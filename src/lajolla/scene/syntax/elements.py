@@ -20,8 +20,8 @@ from .runs import add_to_run, extend_run
 
 ROOTS = (*KINDS, "camera", "luminaire")  # elements with which files begin, those of old ones too
 MAX_DEPTH = 64  # real scenes nest less than ten deep
-CHUNK = 1 << 14  # bytes that are parsed at once, and as many more as the shape takes that begins there
-END_OF_SHAPE = b"</shape>"
+CHUNK = 1 << 14  # bytes that are parsed at once, and as many more as the object takes that begins there
+END_OF_OBJECT = re.compile(rb"</shape>|</bsdf>(?=\s*<(?:bsdf|shape)\b)")  # after which a run may go on
 
 
 def read_source(path: Path, diagnostics: Diagnostics, data: bytes | None = None) -> Source:
@@ -79,7 +79,7 @@ def parse_xml(source: Source, *, runs: bool = True) -> Element:
 
     Args:
         source: the text.
-        runs: put shapes that are alike into runs.
+        runs: put objects that are alike into runs.
 
     Raises:
         SceneError: malformed XML, a document type (hence any entity), or elements nested too deep.
@@ -125,7 +125,8 @@ def _parse(
 
     def end(tag: str) -> None:
         open_elements.pop()
-        if tag == "shape" and fold is not None:
+        in_runs = tag == "shape" or (tag == "bsdf" and len(open_elements) == 2)
+        if in_runs and fold is not None:
             fold(open_elements[-1].children, base + parser.CurrentByteIndex)
         if len(open_elements) == 1 and last - first < len(data):
             raise _Done
@@ -139,8 +140,8 @@ def _parse(
     try:
         at = first
         while at < last:
-            end_of_shape = data.find(END_OF_SHAPE, at + CHUNK, last)
-            cut = last if end_of_shape < 0 else end_of_shape + len(END_OF_SHAPE)
+            end_of_object = END_OF_OBJECT.search(data, at + CHUNK, last)
+            cut = end_of_object.end() if end_of_object else last
             parser.Parse(data[at:cut], False)
             siblings = open_elements[-1].children
             at = extend_run(siblings[-1], cut) if siblings and fold is not None else cut

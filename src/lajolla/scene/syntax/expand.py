@@ -58,7 +58,7 @@ def expand_file(
         parameters: values for `$name`; they win over the file's own defaults.
         data: what is in the file, where it need not be opened.
         required_names: of parameters that the scene must have; others are warned about.
-        runs: put shapes that are alike into runs.
+        runs: put objects that are alike into runs.
 
     Raises:
         SceneError: a file is missing or malformed, or includes itself.

@@ -38,10 +38,10 @@ class MissingFile(SceneError):
     """A file of a scene does not exist."""
 
 
-def identity(path: Path) -> tuple[int, int]:
-    """An identifier of a file that does not depend on its path."""
+def identity(path: Path) -> tuple[int, int, int, int]:
+    """An identifier of a file's content that does not depend on its path: it changes if the file does."""
     status = path.stat()
-    return status.st_dev, status.st_ino
+    return status.st_dev, status.st_ino, status.st_mtime_ns, status.st_size
 
 
 def find_file(name: str, directories: Iterable[Path], location: Location) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias, Union
 
@@ -143,7 +143,7 @@ SINCE_2 = Unsaid()
 class Node:
     """An object of the scene: its kind ("bsdf"), its plugin ("diffuse") and its properties in file order.
 
-    One with a `run` stands for as many objects as that has members.
+    One with a `run` stands for as many objects as that has members. Those of BSDFs have `ids`.
     """
 
     kind: str
@@ -154,6 +154,7 @@ class Node:
     properties: list[Property] = field(default_factory=list)
     unsaid: Unsaid = SINCE_2
     run: Run | None = None
+    ids: Sequence[str] = ()
 
     @property
     def count(self) -> int:

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from .errors import Location, SceneError, did_you_mean
-from .nodes import Node, Reference
+from .ids import Ids, Member
+from .nodes import Node, Property, Reference
 from .typed import Tree, member_of_run
 
 MAX_NESTING = 64  # objects in objects, references followed
 
 
-def resolve(tree: Tree) -> None:
-    """Replaces every reference by its node.
+def resolve(tree: Tree, alone: Callable[[Member], Node]) -> None:
+    """Replaces every reference by its node; `alone` makes that of a member of a run.
 
     Raises:
         SceneError: an id that is nowhere, or twice; objects that contain themselves.
     """
-    tree.ids = _ids(tree)
+    tree.ids = _ids(tree, alone)
     follow(tree, tree.ids)
     heights: dict[Node, int] = {}
     for node in tree.nodes:
         _refuse_cycles(node, [], heights)
 
 
-def follow(tree: Tree, ids: Mapping[str, Node]) -> None:
+def follow(tree: Tree, ids: Ids) -> None:
     """Replaces all references of a tree by their nodes.
 
     Raises:
@@ -32,31 +33,42 @@ def follow(tree: Tree, ids: Mapping[str, Node]) -> None:
     """
     for node in tree.nodes:
         for prop in node.properties:
-            if isinstance(prop.value, Reference):
-                prop.value = _lookup(prop.value.id, ids, prop.location)
             if prop.members:
-                names = [reference.id for reference in prop.members if isinstance(reference, Reference)]
-                missing = next((i for i, name in enumerate(names) if name not in ids), None)
-                if missing is not None:
-                    follow(member_of_run(node, missing), ids)  # an error with its location
-                prop.members = [ids[name] for name in names]
+                _follow_members(node, prop, ids)
+            elif isinstance(prop.value, Reference):
+                prop.value = _lookup(prop.value.id, ids, prop.location)
 
 
-def _ids(tree: Tree) -> dict[str, Node]:
+def _follow_members(node: Node, prop: Property, ids: Ids) -> None:
+    """Replaces the references of the members of a run."""
+    assert node.run is not None
+    names = [reference.id for reference in prop.members if isinstance(reference, Reference)]
+    missing = next((i for i, name in enumerate(names) if name not in ids), None)
+    if missing is not None:
+        follow(member_of_run(node, missing), ids)  # an error with its location
+    together = ids.together(names, node.run)
+    prop.members = [] if together else [ids[name] for name in names]
+    prop.value = together or prop.members[0]
+
+
+def _ids(tree: Tree, alone: Callable[[Member], Node]) -> Ids:
     """Every id and every alias with its node."""
-    ids: dict[str, Node] = {}
+    ids = Ids(alone=alone)
     for node in tree.nodes:
-        if node.id in ids:
-            raise _taken(node.id, ids[node.id].location, node.location)
-        if node.id:
-            ids[node.id] = node
+        members = ((name, Member(node, i)) for i, name in enumerate(node.ids))
+        for name, one in members if node.ids else [(node.id, node)]:
+            if name in ids:
+                raise _taken(name, ids.found[name].location, one.location)
+            if name:
+                ids.found[name] = one
     aliases: dict[str, tuple[str, Location]] = {}
     for name, target, location in tree.aliases:
         if name in ids or name in aliases:
-            first = ids[name].location if name in ids else aliases[name][1]
+            first = ids.found[name].location if name in ids else aliases[name][1]
             raise _taken(name, first, location)
         aliases[name] = (target, location)
-    return ids | {name: _follow(name, aliases, ids) for name in aliases}
+    ids.found |= {name: _follow(name, aliases, ids) for name in aliases}
+    return ids
 
 
 def _taken(name: str, first: Location, second: Location) -> SceneError:

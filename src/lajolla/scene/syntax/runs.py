@@ -1,14 +1,16 @@
-"""Runs: consecutive shapes that differ only in numbers and references, read as one.
+"""Runs: consecutive objects that differ only in numbers and references, read as one.
 
-A scene of a million spheres has few kinds of them. The first shape of a run represents all, as an element
-and later as a node, with the numbers of the others in columns. If a member causes an error or a warning, or
-is not supported in runs, the run is dissolved: its members are parsed again and processed individually.
+They are shapes, or the BSDFs of a scene, which differ in their ids too, so that others can refer to each. A
+scene of a million spheres has few kinds of them. The first object of a run represents all, as an
+element and later as a node, with the numbers of the others in columns. If a member causes an error or a
+warning, or is not supported in runs, the run is dissolved: its members are parsed again and processed
+individually.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 
 from .element import Element
@@ -39,7 +41,7 @@ COLUMNS: dict[str, tuple[str, ...]] = {
 VALUE = rb"""([ !#%(-;=-~]*)"""  # an attribute's value without references, parameters and quotes
 START_TAG = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""")
 MOST_VALUES = (
-    64  # of a shape, for `extend_run`: the time of its pattern grows with the square of their number
+    64  # of an object, for `extend_run`: the time of its pattern grows with the square of their number
 )
 
 
@@ -48,8 +50,10 @@ def add_to_run(siblings: list[Element], end: int) -> None:
     if len(siblings) < 2:
         return
     first, last = siblings[-2:]
+    if last.tag == "bsdf" and last.attributes.get("id") in (None, first.attributes.get("id")):
+        return  # nothing can refer to it, or it is a mistake
     found: list[tuple[Element, str, str]] = []
-    if not _alike(first, last, found):
+    if not _alike(first, last, found, _outermost(last)):
         return
     data = first.source.data
     if data.find(b"$", last.start, end) >= 0 or (
@@ -80,9 +84,9 @@ def _stop(element: Element, end: int) -> int:
 
 
 def extend_run(first: Element, end: int) -> int:
-    """Adds the shapes from byte `end` on that have the same text as the last one of a run, except for values.
+    """Adds the objects from byte `end` on with the same text as the last one of a run, except for values.
 
-    Programs write such shapes, and they need no parsing. Returns the byte at which they end.
+    Programs write such objects, and they need no parsing. Returns the byte at which they end.
     """
     run, last = first.run, first.last
     if run is None or last is None or run.stop != end:
@@ -91,7 +95,7 @@ def extend_run(first: Element, end: int) -> int:
     gap = data[end : data.find(b"<", end)]
     if gap.strip():
         return end
-    values = list(islice(_values(first, last), MOST_VALUES + 1))
+    values = list(islice(_values(first, last, _outermost(last)), MOST_VALUES + 1))
     if len(values) > MOST_VALUES:
         return end
     places = [(name.offset, mine, name.attribute) for mine, name in values]
@@ -118,16 +122,26 @@ def extend_run(first: Element, end: int) -> int:
     return end
 
 
-def _values(first: Element, last: Element) -> Iterator[tuple[Element, Location]]:
-    """The attributes that may differ: elements of a run's first shape, with the locations in its last one."""
+def _outermost(element: Element) -> tuple[str, ...]:
+    """The attributes of an object of a run, itself, that may differ."""
+    return ("id",) if element.tag == "bsdf" else COLUMNS.get(element.tag, ())
+
+
+def _values(first: Element, last: Element, columns: Sequence[str]) -> Iterator[tuple[Element, Location]]:
+    """The attributes that may differ: elements of a run's first object, with the locations in its last one.
+
+    `columns` are those of the elements themselves.
+    """
     for name in last.attributes:
-        if name in COLUMNS[last.tag]:
+        if name in columns:
             yield first, last.at(name)
     for mine, theirs in zip(first.children, last.children, strict=True):
-        yield from _values(mine, theirs)
+        yield from _values(mine, theirs, COLUMNS[theirs.tag])
 
 
-def _alike(first: Element, other: Element, found: list[tuple[Element, str, str]]) -> bool:
+def _alike(
+    first: Element, other: Element, found: list[tuple[Element, str, str]], columns: Sequence[str]
+) -> bool:
     """Whether an element can join a run; appends the attributes of columns and their texts to `found`."""
     tag, attributes = first.tag, other.attributes
     if tag != other.tag or len(first.children) != len(other.children) or tag not in COLUMNS:
@@ -135,7 +149,6 @@ def _alike(first: Element, other: Element, found: list[tuple[Element, str, str]]
     if first.columns or attributes != first.attributes:
         if attributes.keys() != first.attributes.keys():
             return False
-        columns = COLUMNS[tag]
         for name, text in attributes.items():
             if name in first.columns:
                 found.append((first, name, text))
@@ -145,9 +158,9 @@ def _alike(first: Element, other: Element, found: list[tuple[Element, str, str]]
                 found.append((first, name, text))
     if "type" in attributes and not attributes["type"].strip():
         return False
-    if "id" in attributes and tag != "ref":
+    if "id" in attributes and "id" not in columns:
         return False
     for mine, theirs in zip(first.children, other.children, strict=True):
-        if mine.run or theirs.run or not _alike(mine, theirs, found):
+        if mine.run or theirs.run or not _alike(mine, theirs, found, COLUMNS.get(mine.tag, ())):
             return False
     return True

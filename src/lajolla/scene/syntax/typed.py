@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +11,7 @@ from .element import Element
 from .elements import parse_member
 from .errors import Diagnostics, Location, SceneError, did_you_mean
 from .expand import required
+from .ids import Ids
 from .literals import (
     Text,
     parse_blackbody,
@@ -51,7 +52,7 @@ class Tree:
     root: Node
     aliases: list[tuple[str, str, Location]] = field(default_factory=list)
     nodes: list[Node] = field(default_factory=list)
-    ids: Mapping[str, Node] = field(default_factory=dict)  # and aliases, once references are followed
+    ids: Ids = field(default_factory=Ids)  # and aliases, once references are followed
 
 
 def nodes_from_elements(root: Element, diagnostics: Diagnostics) -> Tree:
@@ -77,8 +78,8 @@ def _add_children(element: Element, node: Node, tree: Tree, diagnostics: Diagnos
 
 
 def _add_run(element: Element, parent: Node, tree: Tree) -> bool:
-    """Adds the first shape of a run for all of them; returns False if it causes an error or a warning."""
-    if "name" in element.attributes:  # one shape would replace the other
+    """Adds the first object of a run for all of them; returns False if it causes an error or a warning."""
+    if "name" in element.attributes:  # one object would replace the other
         return False
     alone, quiet = Tree(parent), Diagnostics(strict=True)
     own = Node("shape", "", parent.location, parent.location)
@@ -89,6 +90,11 @@ def _add_run(element: Element, parent: Node, tree: Tree) -> bool:
         return False
     if quiet.collected or any(inside.kind != "bsdf" for inside in alone.nodes[1:]):
         return False
+    first = alone.nodes[0]
+    if first.kind == "bsdf":
+        if any(isinstance(prop.value, Reference) for one in alone.nodes for prop in one.properties):
+            return False
+        first.id, first.ids = "", element.columns["id"]
     for one in alone.nodes:
         one.run = element.run
     parent.properties += own.properties
@@ -97,7 +103,7 @@ def _add_run(element: Element, parent: Node, tree: Tree) -> bool:
 
 
 def member_of_run(node: Node, index: int) -> Tree:
-    """One shape of a run's node, parsed individually."""
+    """One object of a run's node, parsed individually."""
     assert node.run is not None
     tree = Tree(Node("scene", "scene", node.location, node.location))
     _add(parse_member(node.run, index), tree.root, set(), tree, Diagnostics())

@@ -31,7 +31,7 @@ def _envmap(context: Context, node: Node, values: Values) -> Entry:
         pixels, is_integer = read_pixels(path, location, context.pictures, pixel=FLOAT_RGB)
         return panorama(context, pixels, is_integer, f'"{path.name}"', location)
 
-    return {"type": "envmap", "image": context.once(key, read), **values}
+    return {"type": "envmap", "image": context.read(key, read), **values}
 
 
 def panorama(

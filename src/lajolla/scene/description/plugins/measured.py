@@ -42,7 +42,7 @@ def _measured(context: Context, node: Node, values: Values) -> Entry:
             reason = str(problem) or "it does not fit into memory"
             raise SceneError(f'"{path}" cannot be used as a measured material: {reason}', location) from None
 
-    return {"type": "measured", "measurement": context.once(key, read), **values}
+    return {"type": "measured", "measurement": context.read(key, read), **values}
 
 
 def measurement(tensors: dict[str, npt.NDArray[np.generic]]) -> Entry:

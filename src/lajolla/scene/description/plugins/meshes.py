@@ -34,7 +34,7 @@ def _file_shape(loader: str) -> Callable[[Context, Node, Values], Entry | list[P
         options.setdefault("flip_tex_coords", loader == "load_obj")
         path, location = context.find(node)
         key = (loader, identity(path), *sorted(options.items()))
-        mesh = context.once(key, lambda: _load(context, loader, path, options, location))
+        mesh = context.read(key, lambda: _load(context, loader, path, options, location))
         if mesh.face_normals:
             values["face_normals"] = True
         key, mesh = _with_normals(context, key, mesh, values)
@@ -91,11 +91,11 @@ def _with_normals(
     if is_even(matrix, 1e-5) and not turns_over(matrix):  # angles and orientation stay
         matrix = np.eye(4)
     key = (*key, "normals", matrix.tobytes())
-    return key, context.once(key, lambda: mesh.with_vertex_normals(matrix.tolist()))
+    return key, context.read(key, lambda: mesh.with_vertex_normals(matrix.tolist()))
 
 
 def _part(context: Context, key: tuple[Any, ...], mesh: Mesh, first: int, count: int) -> Mesh:
-    return context.once((*key, "part", first), lambda: mesh.part(first, count))
+    return context.read((*key, "part", first), lambda: mesh.part(first, count))
 
 
 def _parts(

@@ -33,7 +33,7 @@ def _bitmap(context: Context, node: Node, values: Values) -> Entry:
             pixels, is_integer = read_pixels(path, location, context.pictures, channel, pixel=decoded)
             return bitmap_image(pixels, gamma, encoded=encoded and is_integer)
 
-        image = context.once(key, read)
+        image = context.read(key, read)
     return {"type": "bitmap", "image": image, **values}
 
 

@@ -80,7 +80,7 @@ def load_voxels(context: Context, node: Node, values: Values) -> tuple[Voxels, L
             raise SceneError(f'"{path}" cannot be used as a volume: {problem}', location) from None
 
     values.setdefault("use_grid_bbox", path.suffix.lower() in (".nvdb", ".vdb"))
-    return context.once(key, read), location
+    return context.read(key, read), location
 
 
 def _entry(

@@ -1,0 +1,270 @@
+"""Several renders of one command: of all sensors, of frames, or the jobs of a file."""
+
+import argparse
+import itertools
+import math
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lajolla.arguments import STREAMS, Parser, UsageError, build_parser
+from lajolla.messages import suggestion
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+PLACEHOLDER = re.compile(r"\{(\w+)(?::(0?\d+))?\}")
+PATHS = ("scene", "output", "stats", "checkpoint", "resume")  # options of files, relative to the job file
+OWN_KEYS = ("scene", "parameters", "job")
+MOST_RENDERS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Render:
+    """One render of several."""
+
+    name: str  # for messages: "frame 7"
+    arguments: argparse.Namespace
+
+
+# --- sensors and frames -------------------------------------------------------------------------------------
+
+
+def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list[Render]:
+    """A render of each sensor, with other output files: "a.exr" becomes "a-NAME.exr"."""
+    if not names:  # it has one that its file does not name
+        return [_of_sensor(arguments, "the sensor", None, "")]
+    _refuse_devices(arguments, "--all-sensors", len(names))
+    written = [re.sub(r"[^\w.-]+", "_", name) for name in names]
+    if len(set(written)) < len(written):
+        written = [f"{number}-{name}" for number, name in enumerate(written)]
+    return [
+        _of_sensor(arguments, f"sensor {name}", number, f"-{written[number]}")
+        for number, name in enumerate(names)
+    ]
+
+
+def _of_sensor(arguments: argparse.Namespace, name: str, number: int | None, suffix: str) -> Render:
+    result = _with_files(arguments, lambda path: _with_suffix(path, suffix), suffix)
+    result.all_sensors, result.sensor = False, number
+    return Render(name, result)
+
+
+def for_each_frame(arguments: argparse.Namespace) -> list[Render]:
+    """A render of each frame.
+
+    Parameters may contain {frame}, or be a range FROM..TO, whose ends belong to the first and last frame. In
+    names of files, {frame:04} becomes the number with at least four digits; others get it as a suffix.
+
+    Raises:
+        UsageError: another {name}, or several pictures for standard output.
+    """
+    frames = arguments.frames
+    _refuse_devices(arguments, "--frames", len(frames))
+    digits = max(4, *(len(str(abs(frame))) for frame in frames))
+    result = []
+    for index, frame in enumerate(frames):
+        values = {"frame": frame}
+        suffix = f"-{frame:0{digits}d}"
+
+        def renamed(path: Path, values: Mapping[str, int] = values, suffix: str = suffix) -> Path:
+            text = filled(str(path), values)
+            return Path(text) if text != str(path) else _with_suffix(path, suffix)
+
+        each = _with_files(arguments, renamed, arguments.suffix + suffix)
+        position = index / max(len(frames) - 1, 1)
+        each.parameters = [(name, _at(text, values, position)) for name, text in arguments.parameters]
+        each.frames, each.keep_partial = None, False
+        result.append(Render(f"frame {frame}", each))
+    return result
+
+
+def _at(text: str, values: Mapping[str, int], position: float) -> str:
+    """A parameter's value at a position from 0 to 1 of a series."""
+    found = re.fullmatch(rf"({NUMBER})\.\.({NUMBER})", text.strip())
+    if found is None:
+        return filled(text, values)
+    first, last = float(found[1]), float(found[2])
+    return f"{first + (last - first) * position:.9g}"
+
+
+def filled(text: str, values: Mapping[str, object], later: Sequence[str] = ()) -> str:
+    """A text with values in place of {name}, and of {name:04}, which fills whole numbers up with zeros.
+
+    The names in `later` are left as they are. Raises UsageError for other names.
+    """
+
+    def value(found: re.Match[str]) -> str:
+        name, width = found.groups()
+        if name in later:
+            return found[0]
+        if name not in values:
+            raise UsageError(f"{text}: there is no {{{name}}}{suggestion(name, [*values, *later])}")
+        if width is None:
+            return str(values[name])
+        if not isinstance(values[name], int):
+            raise UsageError(f"{text}: {{{name}}} is {values[name]}, no whole number to fill up with zeros")
+        return f"{values[name]:{width}d}"
+
+    return PLACEHOLDER.sub(value, text)
+
+
+def _with_files(
+    arguments: argparse.Namespace, renamed: Callable[[Path], Path], suffix: str
+) -> argparse.Namespace:
+    """A copy of a command that writes other files."""
+    result = argparse.Namespace(**vars(arguments))
+    result.suffix = suffix
+    result.outputs = [path if _is_stream(path) else renamed(path) for path in arguments.outputs or []]
+    for name in ("stats", "checkpoint", "resume"):
+        path = getattr(arguments, name)
+        setattr(result, name, renamed(path) if path and not _is_stream(path) else path)
+    return result
+
+
+def check_distinct(renders: Iterable[Render]) -> None:
+    """Raises UsageError if two renders of a series write the same file."""
+    writers: dict[Path, str] = {}
+    for render in renders:
+        if render.arguments.frames is not None:
+            parts = [
+                Render(f"{render.name}, {each.name}", each.arguments)
+                for each in for_each_frame(render.arguments)
+            ]
+        else:
+            parts = [render]
+        for name, arguments in ((part.name, part.arguments) for part in parts):
+            for path in [*(arguments.outputs or []), *filter(None, (arguments.stats, arguments.checkpoint))]:
+                if path in writers and not _is_stream(path):
+                    raise UsageError(f"{path} is written by {writers[path]} and {name}")
+                writers[path] = name
+
+
+def _refuse_devices(arguments: argparse.Namespace, option: str, count: int) -> None:
+    """Checks that standard output gets at most one picture, and a pipe at most one file."""
+    found = [path for path in arguments.outputs or [] if _is_stream(path)]
+    stats = arguments.stats
+    if stats is not None and str(stats) not in STREAMS and stats.is_fifo():
+        found.append(stats)
+    if found and count > 1:
+        what = "standard output" if str(found[0]) == "-" else str(found[0])
+        raise UsageError(f"{what} takes one file; {option} writes {count}")
+
+
+def _with_suffix(path: Path, suffix: str) -> Path:
+    return path.with_name(path.stem + suffix + path.suffix)
+
+
+def _is_stream(path: Path) -> bool:
+    from lajolla.whole_files import is_device  # here, as no --help needs it
+
+    return str(path) in STREAMS or is_device(path)
+
+
+# --- files of jobs ------------------------------------------------------------------------------------------
+
+
+def jobs_of(path: Path) -> list[list[str]]:
+    """The command lines `lajolla render ...` of a TOML file, without these two words.
+
+    Raises:
+        UsageError: the file is no list of jobs; the message names the job and the option.
+    """
+    if sys.version_info >= (3, 11):
+        import tomllib
+    else:
+        import tomli as tomllib
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise UsageError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+        raise UsageError(f"{path}: {problem}") from None
+    jobs = table.pop("job", [{}])
+    if not isinstance(jobs, list) or not jobs or not all(isinstance(job, dict) for job in jobs):
+        raise UsageError(f"{path}: jobs are tables that begin with [[job]]")
+    result: list[list[str]] = []
+    for number, job in enumerate(jobs, 1):
+        where = f"{path}: job {number}" if len(jobs) > 1 else str(path)
+        parameters = {**_parameters(where, table), **_parameters(where, job)}
+        options = {**table, **job, "parameters": parameters}
+        result += _command_lines(where, path.parent, options)
+    return result
+
+
+def _parameters(where: str, table: Mapping[str, Any]) -> Mapping[str, Any]:
+    parameters = table.get("parameters", {})
+    if not isinstance(parameters, dict):
+        raise UsageError(f"{where}: parameters are a table: [parameters], or parameters = {{name = value}}")
+    return parameters
+
+
+def _command_lines(where: str, folder: Path, options: dict[str, Any]) -> Iterator[list[str]]:
+    """The command lines of a job: one for each combination of values of its parameters."""
+    parameters = options.pop("parameters")
+    scene = options.pop("scene", None)
+    if not isinstance(scene, str):
+        raise UsageError(f'{where}: needs a scene: scene = "FILE"')
+    choices = [value if isinstance(value, list) else [value] for value in parameters.values()]
+    if (count := math.prod(map(len, choices))) > MOST_RENDERS:
+        raise UsageError(f"{where}: {count} combinations of parameters are more than {MOST_RENDERS}")
+    render = build_parser()[1]["render"]
+    later = ("frame",) if "frames" in options else ()
+    for chosen in itertools.product(*choices):
+        values = dict(zip(parameters, chosen, strict=True))
+        try:
+            yield [
+                str(folder / scene),
+                *(word for name, value in values.items() for word in ("-D", f"{name}={_text(name, value)}")),
+                *(
+                    word
+                    for name, value in options.items()
+                    for word in _words(_action(render, name), folder, name, value, values, later)
+                ),
+            ]
+        except UsageError as problem:
+            raise UsageError(f"{where}: {problem}") from None
+        if "output" not in options:
+            raise UsageError(f'{where}: needs a picture: output = "FILE"')
+
+
+def _words(
+    action: argparse.Action,
+    folder: Path,
+    name: str,
+    value: object,
+    values: Mapping[str, object],
+    later: Sequence[str],
+) -> Iterator[str]:
+    """An option of `lajolla render` as words of a command line."""
+    if action.nargs == 0 and not isinstance(value, bool):
+        raise UsageError(f'"{name}" is true or false, not {value!r}')
+    if action.nargs == 0:
+        if value:
+            yield f"--{name}"
+        elif f"--no-{name}" in action.option_strings:
+            yield f"--no-{name}"
+        return
+    for each in value if isinstance(value, list) else [value]:
+        text = _text(name, each)
+        if name in PATHS and text not in STREAMS:
+            text = str(folder / filled(text, values, later))
+        yield f"--{name}={text}"
+
+
+def _action(parser: Parser, name: str) -> argparse.Action:
+    """The option of a name; raises UsageError."""
+    actions = {option: action for action in parser._actions for option in action.option_strings}
+    names = [option[2:] for option in actions if option.startswith("--") and option != "--help"]
+    if name not in names or name.startswith("no-"):
+        raise UsageError(f'there is no option "{name}"{suggestion(name, [*names, *OWN_KEYS])}')
+    return actions[f"--{name}"]
+
+
+def _text(name: str, value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str | int | float):
+        return str(value)
+    raise UsageError(f'"{name}" is a text or a number, not {value!r}')
