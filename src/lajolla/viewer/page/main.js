@@ -37,7 +37,7 @@ const connection = new Connection({
     if (reference) compareWithReference(display).then(() => panels.compare("split"));
   },
   opened: (message) => {
-    if (message.distance && !camera.matrix) camera.distance = message.distance;
+    if (message.distance && movedAt < 0) camera.distance = message.distance;
     panels.opened(message);
     say("");
   },
