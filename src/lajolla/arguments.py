@@ -439,7 +439,9 @@ def _add_view(parser: Parser) -> None:
         help="render until this relative error of the picture, as estimated",
     )
     group.add_argument("--compare", type=Path, metavar="PICTURE", help="picture to compare with in the page")
-    group.add_argument("--port", type=option_values.whole("port"), default=0, metavar="N", help="default: any free one")
+    group.add_argument(
+        "--port", type=option_values.whole("port"), default=0, metavar="N", help="default: any free one"
+    )
     group.add_argument("--no-browser", action="store_true", help="only print the address")
     group.add_argument(
         "--threads", type=option_values.whole("threads"), metavar="N", help="number of threads (default: all)"

@@ -61,7 +61,7 @@ def _run_command(arguments: argparse.Namespace) -> int:
 def command_view(arguments: argparse.Namespace) -> int:
     from lajolla.viewer.command import view  # here, as other commands need no server
 
-    arguments.previous = render_command.Previous()  # a scene that is read again shares files with the last one
+    arguments.previous = render_command.Previous()  # for files that have not changed
     return view(arguments, lambda: render_command.load(arguments))
 
 
