@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 import urllib.error
 import urllib.request
@@ -173,8 +174,6 @@ def test_the_command_of_a_pixel_repeats_it(
     finished(client, 0)
     client.send("inspect", x=96, y=64)
     found = client.wait_for("inspected")
-    import shlex
-
     words = shlex.split(found["command"])
     assert words[:2] == ["lajolla", "render"] and main(words[1:]) == 0
     np.testing.assert_allclose([float(x) for x in capfd.readouterr().out.split()], found["value"], rtol=1e-4)
@@ -352,8 +351,7 @@ def test_previews_fit_their_time() -> None:
     pace.measure("", 1e5, 1.0)
     first, *others = pace.divisors("", 512 * 512)
     assert 512 * 512 / first**2 <= 1e5 * FIRST_SECONDS < 512 * 512 / (first / 2) ** 2
-    assert others == [first // 4, 1] or others == [first // 4]
-    pace.measure("", 1e9, 1.0)
+    assert others == [first // 4]
     assert list(Pace().divisors("", 32 * 32)) == []
 
 

@@ -8,9 +8,14 @@ const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a
 const length = (a) => Math.hypot(...a);
 const normalized = (a) => a.map((x) => x / length(a));
 
-function rotated(v, axis, angle) { // Rodrigues
+function rotated(v, axis, angle) {
+  // Rodrigues
   const [c, s] = [Math.cos(angle), Math.sin(angle)];
-  const turned = add(v.map((x) => x * c), cross(axis, v), s);
+  const turned = add(
+    v.map((x) => x * c),
+    cross(axis, v),
+    s,
+  );
   return add(turned, axis, dot(axis, v) * (1 - c));
 }
 
@@ -31,9 +36,15 @@ export class Camera {
     this.up = [0, 1, 2].map((i) => (i === strongest ? Math.sign(up[i]) : 0));
   }
 
-  get position() { return column(this.matrix, 3); }
-  get forward() { return normalized(column(this.matrix, 2)); }
-  get pivot() { return add(this.position, this.forward, this.distance); }
+  get position() {
+    return column(this.matrix, 3);
+  }
+  get forward() {
+    return normalized(column(this.matrix, 2));
+  }
+  get pivot() {
+    return add(this.position, this.forward, this.distance);
+  }
 
   turn(axis, angle, about) {
     const m = this.matrix;
@@ -53,12 +64,17 @@ export class Camera {
     this.turn(normalized(column(this.matrix, 0)), down, this.position);
   }
 
-  roll(angle) { this.turn(this.forward, angle, this.position); }
+  roll(angle) {
+    this.turn(this.forward, angle, this.position);
+  }
 
   // To the left, up and forward, in units of the distance.
   move(left, up, forward) {
     const steps = [left, up, forward];
-    const to = steps.reduce((p, s, i) => add(p, normalized(column(this.matrix, i)), s * this.distance), this.position);
+    const to = steps.reduce(
+      (p, s, i) => add(p, normalized(column(this.matrix, i)), s * this.distance),
+      this.position,
+    );
     this.matrix = matrix(column(this.matrix, 0), column(this.matrix, 1), column(this.matrix, 2), to);
   }
 
@@ -70,12 +86,18 @@ export class Camera {
 
 const STEP = 0.02; // of a key that is pressed; held ones go on with 1 per second
 const KEYS = {
-  KeyW: (c, s) => c.move(0, 0, s), KeyS: (c, s) => c.move(0, 0, -s),
-  KeyA: (c, s) => c.move(s, 0, 0), KeyD: (c, s) => c.move(-s, 0, 0),
-  KeyR: (c, s) => c.move(0, s, 0), KeyF: (c, s) => c.move(0, -s, 0),
-  KeyQ: (c, s) => c.roll(-s), KeyE: (c, s) => c.roll(s),
-  ArrowLeft: (c, s) => c.orbit(-s, 0), ArrowRight: (c, s) => c.orbit(s, 0),
-  ArrowUp: (c, s) => c.orbit(0, -s), ArrowDown: (c, s) => c.orbit(0, s),
+  KeyW: (c, s) => c.move(0, 0, s),
+  KeyS: (c, s) => c.move(0, 0, -s),
+  KeyA: (c, s) => c.move(s, 0, 0),
+  KeyD: (c, s) => c.move(-s, 0, 0),
+  KeyR: (c, s) => c.move(0, s, 0),
+  KeyF: (c, s) => c.move(0, -s, 0),
+  KeyQ: (c, s) => c.roll(-s),
+  KeyE: (c, s) => c.roll(s),
+  ArrowLeft: (c, s) => c.orbit(-s, 0),
+  ArrowRight: (c, s) => c.orbit(s, 0),
+  ArrowUp: (c, s) => c.orbit(0, -s),
+  ArrowDown: (c, s) => c.orbit(0, s),
 };
 
 // Lets pointers and keys on the canvas move the camera. `actions` has moved() after a move, clicked(event),
@@ -118,7 +140,8 @@ export function control(canvas, camera, actions) {
     else camera.orbit(radians(dx), radians(dy));
   }
 
-  function pinch(event, before, dx, dy) { // two fingers: towards, and sideways
+  function pinch(event, before, dx, dy) {
+    // two fingers: towards, and sideways
     const other = [...pointers.values()].find((pointer) => pointer.pointerId !== event.pointerId);
     const gap = (pointer) => Math.hypot(pointer.clientX - other.clientX, pointer.clientY - other.clientY);
     if (gap(event) > 1) camera.dolly(Math.min(Math.max(gap(before) / gap(event), 0.5), 2));
@@ -126,14 +149,18 @@ export function control(canvas, camera, actions) {
     camera.move(dx * scale, dy * scale, 0);
   }
 
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    const factor = Math.exp((event.deltaMode === 1 ? 0.05 : 0.0015) * event.deltaY);
-    if (event.ctrlKey) return actions.magnify(1 / factor, event.clientX, event.clientY);
-    if (!camera.matrix) return undefined;
-    camera.dolly(factor);
-    return actions.moved();
-  }, { passive: false });
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      const factor = Math.exp((event.deltaMode === 1 ? 0.05 : 0.0015) * event.deltaY);
+      if (event.ctrlKey) return actions.magnify(1 / factor, event.clientX, event.clientY);
+      if (!camera.matrix) return undefined;
+      camera.dolly(factor);
+      return actions.moved();
+    },
+    { passive: false },
+  );
 
   const held = new Set();
   canvas.addEventListener("keydown", (event) => {

@@ -14,9 +14,17 @@ export async function compareWithFile(display, file) {
   const context = canvas.getContext("2d");
   context.drawImage(bitmap, 0, 0);
   const { data } = context.getImageData(0, 0, bitmap.width, bitmap.height);
-  const linear = Float32Array.from({ length: 256 }, (_, i) => (i <= 10 ? i / 255 / 12.92 : ((i / 255 + 0.055) / 1.055) ** 2.4));
+  const linear = Float32Array.from({ length: 256 }, (_, i) =>
+    i <= 10 ? i / 255 / 12.92 : ((i / 255 + 0.055) / 1.055) ** 2.4,
+  );
   const pixels = new Float32Array(3 * bitmap.width * bitmap.height);
   for (let from = 0, to = 0; from < data.length; from += 4)
     for (let channel = 0; channel < 3; ++channel) pixels[to++] = linear[data[from + channel]];
-  display.set("other", { pixels, width: bitmap.width, height: bitmap.height, window: [0, 0, bitmap.width, bitmap.height], limits: null });
+  display.set("other", {
+    pixels,
+    width: bitmap.width,
+    height: bitmap.height,
+    window: [0, 0, bitmap.width, bitmap.height],
+    limits: null,
+  });
 }

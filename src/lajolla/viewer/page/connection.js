@@ -38,7 +38,8 @@ export class Connection {
 
   band(data) {
     const band = bandOf(data);
-    if (this.picture?.number !== band.number) this.picture = { ...band, pixels: new Uint16Array(3 * band.width * band.height) };
+    if (this.picture?.number !== band.number)
+      this.picture = { ...band, pixels: new Uint16Array(3 * band.width * band.height) };
     this.picture.pixels.set(band.pixels, 3 * band.width * band.first);
     if (band.first + band.rows < band.height) return;
     const whole = this.picture;
@@ -54,5 +55,15 @@ export function bandOf(data) {
   const words = Array.from({ length: 11 }, (_, i) => head.getUint32(4 * i, true));
   const [number, view, left, top, across, down, width, height, first, rows, limited] = words;
   const limits = limited ? [head.getFloat32(44, true), head.getFloat32(48, true)] : null;
-  return { number, view, window: [left, top, across, down], width, height, first, rows, limits, pixels: new Uint16Array(data, HEADER) };
+  return {
+    number,
+    view,
+    window: [left, top, across, down],
+    width,
+    height,
+    first,
+    rows,
+    limits,
+    pixels: new Uint16Array(data, HEADER),
+  };
 }

@@ -52,10 +52,12 @@ vec3 falseColour(float x) { // Mikhailov 2019, "Turbo, An Improved Rainbow Color
   x = clamp(x, 0.0, 1.0);
   vec4 low = vec4(1, x, x * x, x * x * x);
   vec2 high = low.zw * low.z;
-  return vec3(
-    dot(low, vec4(0.13572138, 4.61539260, -42.66032258, 132.13108234)) + dot(high, vec2(-152.94239396, 59.28637943)),
-    dot(low, vec4(0.09140261, 2.19418839, 4.84296658, -14.18503333)) + dot(high, vec2(4.27729857, 2.82956604)),
-    dot(low, vec4(0.10667330, 12.64194608, -60.58204836, 110.36276771)) + dot(high, vec2(-89.90310912, 27.34824973)));
+  float red = dot(low, vec4(0.13572138, 4.61539260, -42.66032258, 132.13108234));
+  float green = dot(low, vec4(0.09140261, 2.19418839, 4.84296658, -14.18503333));
+  float blue = dot(low, vec4(0.10667330, 12.64194608, -60.58204836, 110.36276771));
+  return vec3(red + dot(high, vec2(-152.94239396, 59.28637943)),
+              green + dot(high, vec2(4.27729857, 2.82956604)),
+              blue + dot(high, vec2(-89.90310912, 27.34824973)));
 }
 
 float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
@@ -128,8 +130,19 @@ export class Display {
     const halves = image.pixels instanceof Uint16Array;
     gl.bindTexture(gl.TEXTURE_2D, texture);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, image.width, image.height, 0, gl.RGB, halves ? gl.HALF_FLOAT : gl.FLOAT, image.pixels);
-    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
+    gl.texImage2D(
+      gl.TEXTURE_2D,
+      0,
+      gl.RGB16F,
+      image.width,
+      image.height,
+      0,
+      gl.RGB,
+      halves ? gl.HALF_FLOAT : gl.FLOAT,
+      image.pixels,
+    );
+    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T])
+      gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
     this.pictures[slot] = { ...image, texture };
     this.draw();
   }
@@ -184,7 +197,10 @@ export class Display {
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     gl.viewport(0, 0, width, height);
     const { picture, other } = this.pictures;
-    const outside = getComputedStyle(canvas.parentElement).backgroundColor.match(/\d+/g).slice(0, 3).map((c) => c / 255);
+    const outside = getComputedStyle(canvas.parentElement)
+      .backgroundColor.match(/\d+/g)
+      .slice(0, 3)
+      .map((c) => c / 255);
     if (!picture) {
       gl.clearColor(...outside, 1);
       gl.clear(gl.COLOR_BUFFER_BIT);
@@ -231,17 +247,22 @@ export class Display {
     const ratio = devicePixelRatio || 1;
     canvas.style.cssText = `width: ${this.film[0] / ratio}px; height: ${this.film[1] / ratio}px`;
     this.drawNow();
-    return new Promise((done) => canvas.toBlob((blob) => {
-      [this.zoom, this.centre, canvas.style.cssText] = kept;
-      this.drawNow();
-      done(blob);
-    }));
+    return new Promise((done) =>
+      canvas.toBlob((blob) => {
+        [this.zoom, this.centre, canvas.style.cssText] = kept;
+        this.drawNow();
+        done(blob);
+      }),
+    );
   }
 }
 
 function linked(gl) {
   const program = gl.createProgram();
-  for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+  for (const [kind, source] of [
+    [gl.VERTEX_SHADER, VERTEX],
+    [gl.FRAGMENT_SHADER, FRAGMENT],
+  ]) {
     const shader = gl.createShader(kind);
     gl.shaderSource(shader, source);
     gl.compileShader(shader);

@@ -17,14 +17,17 @@ export function list(id, rows) {
 export const rounded = (number, digits = 4) => String(Number(number.toPrecision(digits)));
 
 export function short(number, unit) {
-  const [divisor, prefix] = number >= 1e9 ? [1e9, "G"] : number >= 1e6 ? [1e6, "M"] : number >= 1e3 ? [1e3, "k"] : [1, ""];
+  const [divisor, prefix] =
+    number >= 1e9 ? [1e9, "G"] : number >= 1e6 ? [1e6, "M"] : number >= 1e3 ? [1e3, "k"] : [1, ""];
   return `${rounded(number / divisor, 3)} ${prefix}${unit}`;
 }
 
 export function duration(seconds) {
   const whole = Math.round(seconds);
   if (whole < 60) return `${whole} s`;
-  return whole < 3600 ? `${Math.floor(whole / 60)} min ${whole % 60} s` : `${Math.floor(whole / 3600)} h ${Math.floor(whole / 60) % 60} min`;
+  return whole < 3600
+    ? `${Math.floor(whole / 60)} min ${whole % 60} s`
+    : `${Math.floor(whole / 3600)} h ${Math.floor(whole / 60) % 60} min`;
 }
 
 export const percent = (share) => `${rounded(100 * share, 2)} %`;

@@ -30,7 +30,8 @@ let movedAt = -Infinity; // when it moved last: what the viewer says of it then 
 
 const connection = new Connection({
   open: () => say("Opening the scene …"),
-  closed: () => say("The viewer does not answer. It may have been ended; this page connects again by itself.", true),
+  closed: () =>
+    say("The viewer does not answer. It may have been ended; this page connects again by itself.", true),
   hello: ({ file, reference }) => {
     element("title").textContent = file;
     document.title = `${file} – lajolla`;

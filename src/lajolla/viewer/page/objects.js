@@ -25,7 +25,8 @@ export class Objects {
     for (const { name, kind, model } of objects) {
       const parts = name.split(".");
       let parent = top;
-      for (let end = parts.length - 1; end > 0 && parent === top; --end) parent = places.get(parts.slice(0, end).join(".")) ?? top;
+      for (let end = parts.length - 1; end > 0 && parent === top; --end)
+        parent = places.get(parts.slice(0, end).join(".")) ?? top;
       const details = made("details");
       const label = parent === top ? name : name.slice(parent.dataset.name.length + 1);
       const summary = made("summary", label);
@@ -42,7 +43,8 @@ export class Objects {
       parent.append(details);
       places.set(name, details);
     }
-    if (count > objects.length) top.append(made("p", `${count - objects.length} more; search for their names.`, { className: "hint" }));
+    if (count > objects.length)
+      top.append(made("p", `${count - objects.length} more; search for their names.`, { className: "hint" }));
     element("objects").replaceChildren(top);
   }
 
@@ -84,7 +86,9 @@ export class Objects {
     if (type === "choice" || choices.length) return this.select(parameter);
     if (Array.isArray(value) && Array.isArray(value[0])) return this.matrix(parameter);
     if (Array.isArray(value)) return this.vector(parameter);
-    return isNumber(value) && (NUMBERS.includes(type) || type.startsWith("texture") || type === "spectrum") ? this.number(parameter) : this.text(parameter);
+    return isNumber(value) && (NUMBERS.includes(type) || type.startsWith("texture") || type === "spectrum")
+      ? this.number(parameter)
+      : this.text(parameter);
   }
 
   change(parameter, value) {
@@ -117,7 +121,8 @@ export class Objects {
     input.addEventListener("input", () => {
       const wrong = input.value === "" || !input.checkValidity();
       input.classList.toggle("wrong", wrong);
-      if (!wrong) changed(parameter.type === "integer" ? Math.round(Number(input.value)) : Number(input.value));
+      if (!wrong)
+        changed(parameter.type === "integer" ? Math.round(Number(input.value)) : Number(input.value));
     });
     return input;
   }
@@ -125,12 +130,15 @@ export class Objects {
   vector(parameter) {
     const values = [...parameter.value];
     const row = made("div", "", { className: "vector" });
-    const inputs = values.map((value, i) => this.numberInput(parameter, value, (number) => {
-      values[i] = number;
-      if (picker) picker.value = hexadecimal(values);
-      this.change(parameter, values);
-    }));
-    const isColour = values.length === 3 && (parameter.type.includes("spectrum") || parameter.type === "spectrum");
+    const inputs = values.map((value, i) =>
+      this.numberInput(parameter, value, (number) => {
+        values[i] = number;
+        if (picker) picker.value = hexadecimal(values);
+        this.change(parameter, values);
+      }),
+    );
+    const isColour =
+      values.length === 3 && (parameter.type.includes("spectrum") || parameter.type === "spectrum");
     const picker = isColour ? made("input", "", { type: "color", value: hexadecimal(values) }) : null;
     picker?.addEventListener("input", () => {
       values.splice(0, 3, ...linear(picker.value));
@@ -146,10 +154,14 @@ export class Objects {
     const block = made("div");
     values.forEach((numbers, i) => {
       const row = made("div", "", { className: "vector" });
-      row.append(...numbers.map((value, j) => this.numberInput({ ...parameter, minimum: null, maximum: null }, value, (number) => {
-        values[i][j] = number;
-        this.change(parameter, values);
-      })));
+      row.append(
+        ...numbers.map((value, j) =>
+          this.numberInput({ ...parameter, minimum: null, maximum: null }, value, (number) => {
+            values[i][j] = number;
+            this.change(parameter, values);
+          }),
+        ),
+      );
       if (i < 3) block.append(row);
     });
     return block;
@@ -157,7 +169,9 @@ export class Objects {
 
   text(parameter) {
     const input = made("input", "", { type: "text", value: parameter.value });
-    input.addEventListener("change", () => this.change(parameter, isNumber(parameter.value) ? Number(input.value) : input.value));
+    input.addEventListener("change", () =>
+      this.change(parameter, isNumber(parameter.value) ? Number(input.value) : input.value),
+    );
     return input;
   }
 }
@@ -170,8 +184,16 @@ function describe({ doc, unit, minimum, maximum }) {
 // Colours are edited as sRGB; brighter ones than white are scaled to it in the picker alone.
 function hexadecimal(colour) {
   const most = Math.max(1, ...colour);
-  const encoded = colour.map((c) => Math.max(c, 0) / most).map((c) => (c <= 0.0031308 ? 12.92 * c : 1.055 * c ** (1 / 2.4) - 0.055));
-  return `#${encoded.map((c) => Math.round(255 * c).toString(16).padStart(2, "0")).join("")}`;
+  const encoded = colour
+    .map((c) => Math.max(c, 0) / most)
+    .map((c) => (c <= 0.0031308 ? 12.92 * c : 1.055 * c ** (1 / 2.4) - 0.055));
+  return `#${encoded
+    .map((c) =>
+      Math.round(255 * c)
+        .toString(16)
+        .padStart(2, "0"),
+    )
+    .join("")}`;
 }
 
 function linear(text) {

@@ -6,7 +6,14 @@ import { Objects } from "./objects.js";
 
 export class Panels {
   constructor(connection, display, page) {
-    Object.assign(this, { connection, display, page, mode: null, layers: {}, objects: new Objects(connection) });
+    Object.assign(this, {
+      connection,
+      display,
+      page,
+      mode: null,
+      layers: {},
+      objects: new Objects(connection),
+    });
     this.onDisplay();
     this.onRender();
     this.onCamera();
@@ -24,7 +31,9 @@ export class Panels {
       element("layer-hint").textContent = this.layers[target.value] ?? "";
       this.connection.send("show", { layer: target.value });
     });
-    element("copy").addEventListener("click", () => navigator.clipboard.writeText(element("replay").textContent));
+    element("copy").addEventListener("click", () =>
+      navigator.clipboard.writeText(element("replay").textContent),
+    );
     element("fit").addEventListener("click", () => {
       display.zoom = null;
       display.draw();
@@ -35,7 +44,10 @@ export class Panels {
     });
     element("save-exr").href = new URL("picture.exr", location.href);
     element("save-png").addEventListener("click", async () => {
-      const link = made("a", "", { href: URL.createObjectURL(await display.png()), download: `${element("title").textContent.replace(/\.xml$/, "")}.png` });
+      const link = made("a", "", {
+        href: URL.createObjectURL(await display.png()),
+        download: `${element("title").textContent.replace(/\.xml$/, "")}.png`,
+      });
       link.click();
       setTimeout(() => URL.revokeObjectURL(link.href), 10000);
     });
@@ -43,10 +55,14 @@ export class Panels {
 
   onRender() {
     element("limit").addEventListener("change", ({ target }) => {
-      this.connection.send("limit", { samples: target.value ? Math.max(1, Math.round(Number(target.value))) : null });
+      this.connection.send("limit", {
+        samples: target.value ? Math.max(1, Math.round(Number(target.value))) : null,
+      });
     });
     element("pause").addEventListener("click", () => this.connection.send(this.paused ? "resume" : "pause"));
-    element("integrator").addEventListener("change", ({ target }) => this.connection.send("choose", { integrator: target.value }));
+    element("integrator").addEventListener("change", ({ target }) =>
+      this.connection.send("choose", { integrator: target.value }),
+    );
     element("crop").addEventListener("click", () => this.choose("crop"));
     element("whole").addEventListener("click", () => this.connection.send("crop", { window: null }));
   }
@@ -57,7 +73,8 @@ export class Panels {
   }
 
   compare(mode) {
-    if (mode !== "off" && !this.display.pictures.other) this.page.say("There is no other picture to compare with yet.");
+    if (mode !== "off" && !this.display.pictures.other)
+      this.page.say("There is no other picture to compare with yet.");
     element("compare").value = mode;
     element("split").hidden = mode !== "split";
     this.display.update({ comparison: mode });
@@ -75,7 +92,9 @@ export class Panels {
         this.page.say(`The browser cannot read ${target.files[0].name}.`, true);
       }
     });
-    element("split").addEventListener("input", ({ target }) => display.update({ split: Number(target.value) }));
+    element("split").addEventListener("input", ({ target }) =>
+      display.update({ split: Number(target.value) }),
+    );
     element("keep").addEventListener("click", () => {
       const { picture } = display.pictures;
       if (!picture) return;
@@ -87,7 +106,8 @@ export class Panels {
   // What the next click or drag is for.
   choose(mode) {
     this.mode = this.mode === mode ? null : mode;
-    for (const name of ["crop", "focus"]) element(name).setAttribute("aria-pressed", String(this.mode === name));
+    for (const name of ["crop", "focus"])
+      element(name).setAttribute("aria-pressed", String(this.mode === name));
     element("canvas").classList.toggle("pick", this.mode !== null);
   }
 
@@ -99,7 +119,9 @@ export class Panels {
   }
 
   crop(from, to) {
-    const clamped = [from, to].map((point) => point.map((x, i) => Math.round(Math.min(Math.max(x, 0), this.display.film[i]))));
+    const clamped = [from, to].map((point) =>
+      point.map((x, i) => Math.round(Math.min(Math.max(x, 0), this.display.film[i]))),
+    );
     const [left, top] = [0, 1].map((i) => Math.min(clamped[0][i], clamped[1][i]));
     const [width, height] = [0, 1].map((i) => Math.abs(clamped[0][i] - clamped[1][i]));
     this.choose("crop");
@@ -108,20 +130,27 @@ export class Panels {
 
   opened({ layers, warnings, layer, integrators }) {
     this.layers = layers;
-    const options = ["", ...Object.keys(layers)].map((name) => made("option", name || "picture", { value: name }));
+    const options = ["", ...Object.keys(layers)].map((name) =>
+      made("option", name || "picture", { value: name }),
+    );
     element("layer").replaceChildren(...options);
     element("layer").value = layer ?? "";
     element("warnings-section").hidden = warnings.length === 0;
     element("warning-count").textContent = `(${warnings.length})`;
     element("warnings").replaceChildren(...warnings.map((text) => made("pre", text)));
-    element("integrator").replaceChildren(...integrators.map((name) => made("option", name, { value: name })));
+    element("integrator").replaceChildren(
+      ...integrators.map((name) => made("option", name, { value: name })),
+    );
     element("integrator").value = this.integrator;
   }
 
   viewed({ integrator }) {
     this.integrator = integrator;
     element("integrator").value = integrator;
-    for (const [object, place] of [["sensor", "camera-fields"], ["integrator", "integrator-fields"]])
+    for (const [object, place] of [
+      ["sensor", "camera-fields"],
+      ["integrator", "integrator-fields"],
+    ])
       if (!element(place).contains(document.activeElement)) this.objects.show(object, element(place));
   }
 
@@ -130,7 +159,11 @@ export class Panels {
     this.paused = message.state === "paused";
     element("pause").textContent = this.paused ? "Go on" : "Pause";
     const known = message.seconds_left !== null && message.seconds_left < 1e7;
-    const words = { rendering: `rendering${known ? `, ${duration(message.seconds_left)} left` : ""}`, finished: "finished", paused: "paused" };
+    const words = {
+      rendering: `rendering${known ? `, ${duration(message.seconds_left)} left` : ""}`,
+      finished: "finished",
+      paused: "paused",
+    };
     element("status").textContent = words[message.state];
     element("bar").value = message.state === "finished" ? 1 : message.fraction;
     list("numbers", [
@@ -145,7 +178,8 @@ export class Panels {
 
   inspected(message) {
     element("pixel-hint").hidden = true;
-    const { x, y, inside, value, channels, samples, error, shape, place, material, model, material_place } = message;
+    const { x, y, inside, value, channels, samples, error, shape, place, material, model, material_place } =
+      message;
     list("pixel", [
       ["position", `${x}, ${y}${inside ? "" : " (is not rendered)"}`],
       ["red, green, blue", value?.map((c) => rounded(c)).join("  ")],
