@@ -60,7 +60,8 @@ class Scene:
     def __reduce__(self) -> tuple[object, ...]:
         """A pickle holds the description with its options; the scene is built when the pickle is loaded."""
         kept = {"film": self.film, "aovs": self.aovs, "options": self.options}
-        return Scene, (self.description, Options(), self.load_seconds), kept
+        views = {name: view.without_places() for name, view in self.description.views.items()}
+        return Scene, (replace(self.description, views=views), Options(), self.load_seconds), kept
 
     def __repr__(self) -> str:
         samples = self.core.sample_count

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, overload
 
 from lajolla.film import Film
@@ -121,6 +121,12 @@ class View:
     places: Mapping[str, Location] = field(default_factory=dict)
     warnings: Sequence[SceneWarning] = ()
     problem: SceneError | None = None
+
+    def without_places(self) -> View:
+        """The same without places in files, which hold the contents of these."""
+        warnings = [SceneWarning(warning.message) for warning in self.warnings]
+        problem = self.problem and SceneError(self.problem.message)
+        return replace(self, places={}, warnings=warnings, problem=problem)
 
 
 class Places(dict[str, Location]):
