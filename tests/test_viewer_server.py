@@ -15,6 +15,7 @@ from viewer_tools import SCENE, Client, origin_of, viewer
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from lajolla.cli import main
 from lajolla.viewer import protocol
 from lajolla.viewer.protocol import Picture, ProtocolError, bands, parse, readable
 
@@ -211,8 +212,14 @@ def test_numbers_beyond_half_floats_are_their_largest() -> None:
     )
 
 
-def test_help_names_the_command(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    from lajolla.cli import main
+def test_a_port_that_is_taken(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "scene.xml").write_text(SCENE)
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        assert main(["view", str(tmp_path / "scene.xml"), "--no-browser", "--port", str(port)]) == 1
+    assert f"error: port {port} is taken; without --port, a free one is used" in capfd.readouterr().err
 
+
+def test_a_scene_that_is_missing(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["view", str(tmp_path / "missing.xml"), "--no-browser"]) == 1
     assert "missing.xml" in capfd.readouterr().err

@@ -8,6 +8,7 @@ and so must be the Origin.
 from __future__ import annotations
 
 import asyncio
+import errno
 import secrets
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
@@ -106,17 +107,23 @@ class ViewServer:
         return f"{self.origin}/{self.token}/"
 
     async def start(self) -> Server:
-        """Begins to listen. Raises OSError if the port is taken."""
-        server = await serve(
-            self._connected,
-            HOST,
-            self.port,
-            process_request=self._answer,
-            max_size=LONGEST_MESSAGE,
-            max_queue=16,
-            compression=None,  # of noise on one machine
-            server_header=None,
-        )
+        """Begins to listen. Raises OSError if the port cannot be used."""
+        try:
+            server = await serve(
+                self._connected,
+                HOST,
+                self.port,
+                process_request=self._answer,
+                max_size=LONGEST_MESSAGE,
+                max_queue=16,
+                compression=None,  # of noise on one machine
+                server_header=None,
+            )
+        except OSError as problem:
+            reason = (
+                "is taken" if problem.errno == errno.EADDRINUSE else f"cannot be used: {problem.strerror}"
+            )
+            raise OSError(f"port {self.port} {reason}; without --port, a free one is used") from None
         self.port = next(iter(server.sockets)).getsockname()[1]
         return server
 
