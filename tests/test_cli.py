@@ -134,7 +134,8 @@ def test_pixel(capsys: Capture) -> None:
     [
         (
             "",
-            "a command is required: render, view, batch, denoise, check, convert, compare, merge, list, completion",
+            "a command is required: render, view, batch, denoise, check, convert, compare, merge, list, "
+            "completion",
         ),
         ("rendr room.xml", "unknown command 'rendr'; did you mean 'render'?"),
         ("room.xml", "did you mean: lajolla render room.xml"),

@@ -213,6 +213,7 @@ def test_a_value_out_of_range_is_refused(page: Page) -> None:
 
 
 def test_comparison(page: Page) -> None:
+    before = page.screen()
     page.click("keep")
     assert page.run("return document.getElementById('compare').value") == "split"
     page.set("compare", "difference")
@@ -221,6 +222,8 @@ def test_comparison(page: Page) -> None:
     page.finished()
     page.until("window.lajolla.display.pictures.picture.limits")
     assert page.screen().min() < 0.5
+    page.set("compare", "flip")
+    assert_near(page.screen(), before)  # with its own mapping to colours
 
 
 def test_cropping(page: Page) -> None:

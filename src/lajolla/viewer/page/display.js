@@ -16,8 +16,7 @@ uniform vec2 film;          // width and height
 uniform vec4 part, otherPart; // left, top, width and height of what the pictures show, in pixels of the film
 uniform float exposure;     // factor
 uniform int curve;
-uniform vec2 limits;        // of a layer
-uniform bool layer;
+uniform vec2 limits, otherLimits; // of layers; equal: it is light
 uniform int comparison;     // 0: off, 1: split, 2: other, 3: difference
 uniform float split;
 uniform vec3 outside;       // colour beside the film
@@ -62,9 +61,9 @@ vec3 falseColour(float x) { // Mikhailov 2019, "Turbo, An Improved Rainbow Color
 
 float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
 
-vec3 shown(vec3 value) {
-  if (layer) {
-    vec3 x = (value - limits.x) / (limits.y - limits.x);
+vec3 shown(vec3 value, vec2 range) {
+  if (range.y > range.x) {
+    vec3 x = (value - range.x) / (range.y - range.x);
     return curve == 5 ? falseColour(x.x) : clamp(x, 0.0, 1.0);
   }
   vec3 c = max(value, 0.0) * exposure;
@@ -95,7 +94,7 @@ void main() {
     vec3 d = (a - read(other, otherPart, at)) * exposure;
     float m = clamp(dot(d, vec3(1)) / 3.0, -1.0, 1.0); // red: brighter than the other picture, blue: darker
     colour = vec4(mix(vec3(1), m > 0.0 ? vec3(0.8, 0.1, 0.05) : vec3(0.05, 0.2, 0.8), sqrt(abs(m))), 1);
-  } else colour = vec4(shown(a), 1);
+  } else colour = vec4(shown(a, second ? otherLimits : limits), 1);
   if (comparison == 1 && abs(pixel.x - split * size.x) < 1.0) colour = vec4(1);
 }`;
 
@@ -220,8 +219,8 @@ export class Display {
     gl.uniform4f(uniforms.otherPart, ...(other ?? picture).window);
     gl.uniform1f(uniforms.exposure, 2 ** settings.exposure);
     gl.uniform1i(uniforms.curve, CURVES.indexOf(settings.curve));
-    gl.uniform2f(uniforms.limits, ...(picture.limits ?? [0, 1]));
-    gl.uniform1i(uniforms.layer, picture.limits ? 1 : 0);
+    gl.uniform2f(uniforms.limits, ...(picture.limits ?? [0, 0]));
+    gl.uniform2f(uniforms.otherLimits, ...((other ?? picture).limits ?? [0, 0]));
     gl.uniform1i(uniforms.comparison, compared);
     gl.uniform1f(uniforms.split, settings.split);
     gl.uniform3f(uniforms.outside, ...outside);
