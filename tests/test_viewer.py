@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import queue
 import shlex
 import time
 import urllib.error
@@ -11,13 +13,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from viewer_tools import SCENE, Client, viewer
+from viewer_tools import SCENE, Client, is_whole, viewer
 
 import lajolla
 from lajolla.cli import main
+from lajolla.render import StopRules
 from lajolla.viewer.pace import FIRST_SECONDS, Pace
-from lajolla.viewer.protocol import Message
-from lajolla.viewer.session import merged
+from lajolla.viewer.protocol import Message, Picture
+from lajolla.viewer.session import ALWAYS, Session, merged
+from lajolla.viewer.view import View
 
 RED = np.array([0.6, 0.05, 0.05])
 
@@ -337,6 +341,25 @@ def test_a_page_that_takes_no_pictures_gets_one_alone(scene: Path) -> None:
 
 
 # --- parts --------------------------------------------------------------------------------------------------
+
+
+def test_a_render_that_fails_says_why_and_goes_on_after_a_change(
+    scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: queue.Queue[Picture | str] = queue.Queue()
+    rules = StopRules(spp=2, noise=ALWAYS, adaptive=False)
+    session = Session(lambda integrator: lajolla.load(scene, integrator=integrator), rules, 1, told.put)
+    with monkeypatch.context() as patch:
+        patch.setattr(View, "picture", lambda view, layer: 1 / 0)
+        session.start()
+        while not isinstance(text := told.get(timeout=20), str) or json.loads(text)["type"] != "failed":
+            pass
+        assert "the render ended: ZeroDivisionError" in json.loads(text)["message"]
+    session.post(Message("edit", {"values": {"sensor.fov": 30.0}}))
+    while not isinstance(picture := told.get(timeout=20), Picture) or not is_whole(picture):
+        pass
+    assert picture.view == 1 and "failed" not in session.state
+    session.close()
 
 
 def test_edits_that_wait_become_one() -> None:
