@@ -50,11 +50,11 @@ class Scene:
         try:
             changes = description_changes(reuse.description.core, core) if reuse is not None else None
             shared = reuse.core.with_changes(changes) if reuse is not None and changes is not None else None
-            self.core = shared or _core.Scene(core)
+            self.core: _core.Scene = shared or _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
         # To build it again elsewhere, which needs neither places of errors nor the contents of files.
-        self.description = replace(description, core=core, places=Places(), files={})
+        self.description: Description = replace(description, core=core, places=Places(), files={})
         self.files: Mapping[Any, Any] = description.files  # that were read, for `load(reuse=)`
         self.options = options
         self.sensors = description.sensors  # ids of all sensors, or their numbers
