@@ -9,6 +9,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -154,6 +155,28 @@ def test_pausing(client: Client) -> None:
     assert client.pictures <= before + 1
     client.send("resume")
     client.wait_for("progress", state="rendering")
+
+
+def test_messages_in_any_order_end_no_render(client: Client) -> None:
+    """Cancelled passes, wherever they were, are no failures."""
+    random = np.random.default_rng(3)
+    kinds = [
+        lambda: {"type": "show", "layer": str(random.choice(["", "albedo", "shape", "samples"]))},
+        lambda: {"type": "edit", "values": {"sensor.fov": float(random.uniform(10, 90))}},
+        lambda: {"type": "inspect", "x": int(random.integers(192)), "y": int(random.integers(128))},
+        lambda: {"type": "crop", "window": [None, [10, 10, 50, 60], [0, 0, 1, 1]][random.integers(3)]},
+        lambda: {"type": str(random.choice(["pause", "resume"]))},
+        lambda: {"type": "limit", "samples": [None, 1, 64, 100000][random.integers(4)]},
+    ]
+    for _ in range(300):
+        client.send(**kinds[random.integers(len(kinds))]())
+        for _ in range(random.integers(4)):
+            with suppress(TimeoutError):
+                client.receive(timeout=0.02)
+    for message in ({"type": "resume"}, {"type": "limit", "samples": 4}, {"type": "show", "layer": ""}):
+        client.send(**message)
+    client.wait_for("progress", state="finished", limit=4)
+    assert "failed" not in client.messages and "refused" not in client.messages
 
 
 # --- pixels and objects -------------------------------------------------------------------------------------

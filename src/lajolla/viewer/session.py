@@ -18,7 +18,7 @@ from lajolla.limits import OptionError
 from lajolla.loaded_scene import Scene
 from lajolla.messages import LajollaWarning
 from lajolla.params import ParamError
-from lajolla.render import Progress, StopRules
+from lajolla.render import Progress, RenderCancelled, StopRules
 from lajolla.scene import SceneError
 from lajolla.viewer.facts import depth, scene_facts, view_facts
 from lajolla.viewer.pace import Pace
@@ -96,10 +96,10 @@ class Session:
             self.failure = problem
         self.opened.set()
         while not self._closed:
-            if self.view is not None and not self._paused:
-                self._render(self.view)
+            is_done = self.view is None or self._paused or self._render(self.view)
             with self._changed:
-                self._changed.wait_for(lambda: self._pending)
+                if is_done:
+                    self._changed.wait_for(lambda: self._pending)
                 messages, self._pending = merged(self._pending), []
             for message in messages:
                 self._handle(message)
@@ -206,19 +206,21 @@ class Session:
 
     # --- rendering ----------------------------------------------------------------------------------------
 
-    def _render(self, view: View) -> None:
-        """Renders until a stop rule is met, or something changes."""
+    def _render(self, view: View) -> bool:
+        """Renders until a stop rule is met, or something changes; False if it was cancelled."""
         try:
             if not self._seen:
                 self._preview(view)
             if not (self._seen and self._pending):
                 self._accumulate(view)
+        except RenderCancelled:  # now, or by a message that came between two passes
+            return False
         except Exception as problem:
-            if not self._pending:  # it was not cancelled
-                self._tell("failed", message=f"the render ended: {type(problem).__name__}: {problem}")
+            self._tell("failed", message=f"the render ended: {type(problem).__name__}: {problem}")
         finally:
             with self._changed:
                 self._running = None
+        return True
 
     def _preview(self, view: View) -> None:
         """Pictures with few pixels; the first one is shown even if the view has changed meanwhile."""
