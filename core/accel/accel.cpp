@@ -53,13 +53,14 @@ void occlude_packet(const WideInt &valid, RTCScene scene, RayPacket &query) {
     else ask(rtcOccluded8, valid, scene, query);
 }
 
-// Embree asserts that rays are finite and below about 2e18, in groups too.
+// Embree asserts that rays are finite and below about 2e18, in groups too, and that their ends are numbers.
+// Of a ray that ends behind its origin it would say that it is occluded.
 constexpr float largest_coordinate = 1e18f;
 
 template <class Float>
 BoolOf<Float> valid(const Ray<Float> &ray, float limit) {
     const auto sum = [](const Vec3<Float> &v) { return abs(v.x) + abs(v.y) + abs(v.z); };
-    return sum(ray.origin) < limit && sum(ray.direction) < limit;
+    return sum(ray.origin) < limit && sum(ray.direction) < limit && ray.near <= ray.far;
 }
 
 void fill(RayPacket &packet, const Ray<WideFloat> &rays) {
@@ -493,6 +494,8 @@ RayHits Accel::closest(const Ray<WideFloat> &rays, WideBool active) const {
     }
     return hits;
 }
+
+WideBool Accel::traceable(const Ray<WideFloat> &rays) const { return valid(rays, limit_); }
 
 WideBool Accel::occluded(const Ray<WideFloat> &rays, WideBool active) const {
     if (has_curves_) [[unlikely]] {

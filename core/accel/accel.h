@@ -22,12 +22,15 @@ public:
     explicit Accel(SharedVector<Shape> shapes, SharedVector<Group> groups = {},
                    const SharedVector<Instance> &instances = {}, const Accel *before = nullptr);
 
-    // Rays with NaN or extremely large numbers, which a broken texture can cause, have no hits.
+    // Rays with NaN or extremely large numbers, which a broken texture can cause, have no hits, and no light
+    // comes along them: they are occluded. The same holds for rays that end before they begin.
     std::optional<RayHit> closest(const Ray<float> &ray) const;
     bool occluded(const Ray<float> &ray) const;
     // The same for the `active` rays, with the same bits: Embree's results do not depend on packets.
     RayHits closest(const Ray<WideFloat> &rays, WideBool active) const;
     WideBool occluded(const Ray<WideFloat> &rays, WideBool active) const;
+    // Which rays are none of those.
+    WideBool traceable(const Ray<WideFloat> &rays) const;
 
 private:
     RayHit in_instance(RayHit found, std::uint32_t geometry) const;

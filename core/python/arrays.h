@@ -4,6 +4,7 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <array>
 #include <cstddef>
 #include <initializer_list>
 #include <memory>
@@ -19,9 +20,8 @@ namespace lajolla {
 namespace nb = nanobind;
 
 // One row of N columns per item; a single row stands for all items.
-template <std::size_t N>
-using Rows =
-    nb::ndarray<const float, nb::shape<-1, static_cast<Py_ssize_t>(N)>, nb::c_contig, nb::device::cpu>;
+template <std::size_t N, class T = float>
+using Rows = nb::ndarray<const T, nb::shape<-1, static_cast<Py_ssize_t>(N)>, nb::c_contig, nb::device::cpu>;
 using Column = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 // An array for NumPy that owns its numbers.
@@ -46,6 +46,7 @@ public:
         ((*target++ = values), ...);
     }
     void set(std::size_t i, Vec2f v) { set(i, v.x, v.y); }
+    void set(std::size_t i, const std::array<double, 3> &v) { set(i, v[0], v[1], v[2]); }
     template <class Tag>
     void set(std::size_t i, Triple<Tag, float> v) {
         set(i, v.x, v.y, v.z);
@@ -77,6 +78,11 @@ nb::object tabulate(std::size_t rows, auto &&f) {
 
 inline Vec2f pair(const Rows<2> &rows, std::size_t i) { return {rows(i, 0), rows(i, 1)}; }
 inline Vec3f triple(const Rows<3> &rows, std::size_t i) {
+    const std::size_t row = rows.shape(0) == 1 ? 0 : i;
+    return {rows(row, 0), rows(row, 1), rows(row, 2)};
+}
+// A position in the world, where float32 may not suffice.
+inline std::array<double, 3> position(const Rows<3, double> &rows, std::size_t i) {
     const std::size_t row = rows.shape(0) == 1 ? 0 : i;
     return {rows(row, 0), rows(row, 1), rows(row, 2)};
 }

@@ -4,6 +4,7 @@
 
 #include <nanobind/stl/optional.h>
 
+#include <array>
 #include <optional>
 
 #include "engine/renderable.h"
@@ -16,10 +17,12 @@ namespace {
 
 using namespace nb::literals;
 
-using Point = nb::ndarray<const float, nb::shape<3>, nb::c_contig, nb::device::cpu>;
+using Point = nb::ndarray<const double, nb::shape<3>, nb::c_contig, nb::device::cpu>;
 using Index = std::optional<std::uint32_t>; // of one light; none: all of them, picked by power
 
-Vec3f point_of(const Point &p) { return {p(0), p(1), p(2)}; }
+Vec3f point_in(const Scene &scene, const Point &p) {
+    return scene.from_world(std::array<double, 3>{p(0), p(1), p(2)});
+}
 
 const Light &light_at(const Scene &scene, std::uint32_t index) {
     if (index >= scene.parts().lights.size()) throw nb::index_error("there is no such emitter");
@@ -42,7 +45,7 @@ bool sees(const Scene &scene, Tracer &tracer, Vec3f p, const DirectSample<float>
 nb::dict sample_emitters(const RenderableScene &self, const Point &point, const Rows<3> &u, Index index) {
     const Scene &scene = *self.scene;
     Tracer tracer(scene.accel());
-    const Vec3f p = scene.from_world(point_of(point));
+    const Vec3f p = point_in(scene, point);
     const std::size_t n = u.shape(0);
     Table<float, 3> wi(n), radiance(n);
     Table<float, 1> distance(n), pdf(n);
@@ -94,7 +97,7 @@ Emission emission(const Scene &scene, Index index, Vec3f p, Vec3f wi) {
 }
 
 nb::tuple eval_emitters(const RenderableScene &self, const Point &point, const Rows<3> &wi, Index index) {
-    const Vec3f p = self.scene->from_world(point_of(point));
+    const Vec3f p = point_in(*self.scene, point);
     Table<float, 3> radiance(wi.shape(0));
     Table<float, 1> pdf(wi.shape(0));
     for (std::size_t i = 0; i < wi.shape(0); ++i) {

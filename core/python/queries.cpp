@@ -20,11 +20,12 @@ constexpr std::size_t block = 64 * lanes; // rays of a task
 // Rays of a table: as many origins, directions and ends as there are rays, or one for all.
 struct RayRows {
     const Scene &scene;
-    const Rows<3> &origins, &directions;
+    const Rows<3, double> &origins;
+    const Rows<3> &directions;
     const Column &ends;
     std::size_t count;
 
-    RayRows(const Scene &s, const Rows<3> &from, const Rows<3> &along, const Column &far)
+    RayRows(const Scene &s, const Rows<3, double> &from, const Rows<3> &along, const Column &far)
         : scene(s), origins(from), directions(along), ends(far),
           count(std::max({from.shape(0), along.shape(0), far.shape(0)})) {
         require_one_or(from.shape(0), count, "origins");
@@ -37,7 +38,8 @@ struct RayRows {
         std::array<std::array<float, lanes>, 7> columns;
         for (std::size_t k = 0; k < lanes; ++k) {
             const std::size_t i = std::min(first + k, count - 1);
-            const Vec3f origin = scene.from_world(triple(origins, i)), direction = triple(directions, i);
+            const Vec3f origin = scene.from_world(lajolla::position(origins, i));
+            const Vec3f direction = triple(directions, i);
             columns[0][k] = origin.x, columns[1][k] = origin.y, columns[2][k] = origin.z;
             columns[3][k] = direction.x, columns[4][k] = direction.y, columns[5][k] = direction.z;
             columns[6][k] = ends(ends.shape(0) == 1 ? 0 : i);
@@ -63,7 +65,8 @@ struct RayRows {
 // Where rays meet surfaces, as tables; distance is infinite, ids are -1 and all else is zero without a hit.
 struct Intersections {
     Table<float, 1> distance;
-    Table<float, 3> position, normal, geometric_normal;
+    Table<double, 3> position;
+    Table<float, 3> normal, geometric_normal;
     Table<float, 2> uv;
     Table<std::int32_t, 1> shape, primitive, instance;
 
@@ -90,7 +93,7 @@ struct Intersections {
                 return Vec3f{columns[c][k], columns[c + 1][k], columns[c + 2][k]};
             };
             distance.set(i, columns[0][k]);
-            position.set(i, scene.in_world(at(1)));
+            position.set(i, scene.world_position(at(1)));
             normal.set(i, at(4));
             geometric_normal.set(i, at(7));
             uv.set(i, columns[10][k], columns[11][k]);
@@ -118,7 +121,7 @@ struct Intersections {
     }
 };
 
-nb::dict intersect(const RenderableScene &self, const Rows<3> &origins, const Rows<3> &directions,
+nb::dict intersect(const RenderableScene &self, const Rows<3, double> &origins, const Rows<3> &directions,
                    const Column &max_distance, int threads) {
     const Scene &scene = *self.scene;
     const RayRows rows(scene, origins, directions, max_distance);
@@ -137,14 +140,15 @@ nb::dict intersect(const RenderableScene &self, const Rows<3> &origins, const Ro
     return std::move(result).to_numpy();
 }
 
-nb::object occluded(const RenderableScene &self, const Rows<3> &origins, const Rows<3> &directions,
+nb::object occluded(const RenderableScene &self, const Rows<3, double> &origins, const Rows<3> &directions,
                     const Column &max_distance, int threads) {
     const RayRows rows(*self.scene, origins, directions, max_distance);
     Table<bool, 1> result(rows.count);
     {
         const nb::gil_scoped_release release;
         rows.for_each_packet(threads, [&](std::size_t first, const Ray<WideFloat> &rays, WideBool active) {
-            const WideBool found = self.scene->accel().occluded(rays, active);
+            const Accel &accel = self.scene->accel();
+            const WideBool found = accel.occluded(rays, active) && accel.traceable(rays);
             for_each_lane(active,
                           [&](int k) { result.set(first + static_cast<std::size_t>(k), found.v[k] != 0); });
         });
@@ -156,10 +160,11 @@ nb::object occluded(const RenderableScene &self, const Rows<3> &origins, const R
 
 void bind_queries(nb::module_ &m) {
     m.def("intersect", &intersect, "scene"_a, "origins"_a, "directions"_a, "max_distance"_a, "threads"_a = 0,
-          "The closest hits of rays: origins (1 or N, 3), directions (1 or N, 3) and max_distance (1 or N,) "
-          "of float32. A dict of arrays distance (N,), in lengths of the direction and infinite without a "
-          "hit; position, normal, geometric_normal (N, 3); uv (N, 2); and the positions shape, primitive and "
-          "instance (N,) in the description's lists, -1 for none.");
+          "The closest hits of rays: origins (1 or N, 3) of float64, directions (1 or N, 3) and max_distance "
+          "(1 or N,) of float32. A dict of arrays distance (N,), in lengths of the direction and infinite "
+          "without a hit; position (N, 3) of float64; normal, geometric_normal (N, 3); uv (N, 2); and the "
+          "positions shape, primitive and instance (N,) in the description's lists, -1 for none. Rays that "
+          "are not finite or extremely large, and those that end before they begin, have no hits.");
     m.def("occluded", &occluded, "scene"_a, "origins"_a, "directions"_a, "max_distance"_a, "threads"_a = 0,
           "Whether rays meet anything: bool (N,); see intersect().");
 }

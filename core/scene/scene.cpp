@@ -220,10 +220,24 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     return result;
 }
 
-Vec3f Scene::offset(Vec3f p, double origins) const {
-    for (std::size_t axis = 0; axis < 3; ++axis)
-        p[axis] = static_cast<float>(static_cast<double>(p[axis]) + origins * parts_.origin[axis]);
-    return p;
+namespace {
+
+Vec3f rounded(const std::array<double, 3> &p) {
+    return {static_cast<float>(p[0]), static_cast<float>(p[1]), static_cast<float>(p[2])};
+}
+
+} // namespace
+
+std::array<double, 3> Scene::world_position(const Vec3f &p) const {
+    const auto &[x, y, z] = parts_.origin;
+    return {p.x + x, p.y + y, p.z + z};
+}
+
+Vec3f Scene::in_world(const Vec3f &p) const { return rounded(world_position(p)); }
+
+Vec3f Scene::from_world(const std::array<double, 3> &p) const {
+    const auto &[x, y, z] = parts_.origin;
+    return rounded({p[0] - x, p[1] - y, p[2] - z});
 }
 
 std::optional<Scene::PlainMaterial> Scene::plain_material(std::int32_t id) const {

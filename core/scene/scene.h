@@ -135,8 +135,11 @@ public:
     // The bitmap that the front BSDF of a hit's material reads first, if any.
     const Bitmap *first_bitmap(const Hit<float> &hit) const;
 
-    Vec3f in_world(Vec3f p) const { return offset(p, 1); }
-    Vec3f from_world(Vec3f p) const { return offset(p, -1); }
+    // World coordinates of a point, also as float32, which far from the origin says little; and back.
+    std::array<double, 3> world_position(const Vec3f &p) const;
+    Vec3f in_world(const Vec3f &p) const;
+    Vec3f from_world(const std::array<double, 3> &p) const;
+    Vec3f from_world(const Vec3f &p) const { return from_world(std::array<double, 3>{p.x, p.y, p.z}); }
     Vec3f camera_space(Vec3f p) const { return to_camera_.point(p); }
     const BoundingSphere &bounding_sphere() const { return bounding_sphere_; } // of all shapes
 
@@ -191,7 +194,6 @@ private:
     Side side(const Hit<float> &hit, const Vec3f &wo) const;
     void fill_in_instance(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs,
                           Hit<float> &hit) const;
-    Vec3f offset(Vec3f p, double origins) const;
     void connect_lights(bool prepare_shapes);
     void describe_looks();
 

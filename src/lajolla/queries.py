@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lajolla import _core
 from lajolla.colour import FloatImage
+from lajolla.messages import shortened
 from lajolla.scene import Description, numbered
 
 Ids = NDArray[np.int32]
-RayRows = tuple[FloatImage, FloatImage, FloatImage]
+Positions = NDArray[np.float64]
+RayRows = tuple[Positions, FloatImage, FloatImage]
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,7 @@ class Intersections:
 
     Attributes:
         distance: (N,) in lengths of the ray's direction.
-        position: (N, 3) in world space.
+        position: (N, 3) in world space, float64: far from the origin, float32 does not suffice.
         normal: (N, 3) shading normal, of unit length, as vertices have it.
         geometric_normal: (N, 3) on the front side of the surface, of unit length.
         uv: (N, 2) texture coordinates.
@@ -33,7 +36,7 @@ class Intersections:
     """
 
     distance: FloatImage
-    position: FloatImage
+    position: Positions
     normal: FloatImage
     geometric_normal: FloatImage
     uv: FloatImage
@@ -77,22 +80,45 @@ def occlusion_of(
 
 
 def _rays(origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike) -> RayRows:
-    """Rows of float32, one or as many as there are rays. Raises ValueError."""
-    rows = [_rows("origins", origins), _rows("directions", directions)]
-    ends = np.ascontiguousarray(max_distance, np.float32).reshape(-1)
-    counts = {len(rows[0]), len(rows[1]), len(ends)} - {1}
+    """Rows of the core's types, one or as many as there are rays. Raises ValueError."""
+    starts = np.ascontiguousarray(_rows("origins", origins), np.float64)  # the core subtracts its own origin
+    along = _as_float32(_rows("directions", directions))
+    ends = _as_float32(_ends(max_distance))
+    counts = {len(starts), len(along), len(ends)} - {1}
     if len(counts) > 1:
-        lengths = f"{len(rows[0])}, {len(rows[1])} and {len(ends)}"
+        lengths = f"{len(starts)}, {len(along)} and {len(ends)}"
         raise ValueError(f"origins, directions and max_distance have {lengths} rows")
     if counts == {0}:  # of none, one is none
-        return rows[0][:0], rows[1][:0], ends[:0]
-    return rows[0], rows[1], ends
+        return starts[:0], along[:0], ends[:0]
+    return starts, along, ends
 
 
-def _rows(name: str, values: ArrayLike) -> FloatImage:
-    table = np.ascontiguousarray(values, np.float32)
+def _rows(name: str, values: ArrayLike) -> NDArray[Any]:
+    table = _numbers(name, values)
     if table.ndim == 1:
         table = table[None]
     if table.ndim != 2 or table.shape[1] != 3:
         raise ValueError(f"{name} must have the shape (N, 3), not {np.shape(values)}")
     return table
+
+
+def _ends(max_distance: ArrayLike) -> NDArray[Any]:
+    ends = np.atleast_1d(_numbers("max_distance", max_distance))
+    if ends.ndim != 1:
+        raise ValueError(f"max_distance must be a number or have the shape (N,), not {ends.shape}")
+    if np.isnan(ends).any():
+        raise ValueError("max_distance must be numbers, not NaN; infinite where rays do not end")
+    return ends
+
+
+def _numbers(name: str, values: ArrayLike) -> NDArray[Any]:
+    """An array of real numbers; also of a tensor, which has no dtype of NumPy before it is one."""
+    table = np.asarray(values)
+    if table.size and table.dtype.kind not in "fiub":
+        raise ValueError(f"{name} must be numbers, not {shortened(repr(values))}")
+    return table if table.dtype.kind == "f" else table.astype(np.float64)
+
+
+def _as_float32(numbers: NDArray[Any]) -> FloatImage:
+    with np.errstate(over="ignore"):  # what is too large is infinite
+        return np.ascontiguousarray(numbers, np.float32)
