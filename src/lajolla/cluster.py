@@ -123,6 +123,8 @@ class ClusterRendering(Rendering):
     ) -> None:
         if isinstance(cluster, str):
             worker_count(cluster)
+        elif not hasattr(cluster, "scheduler_info"):
+            raise OptionError(f"cluster must be an address or a distributed.Client, not {cluster!r}")
         super().__init__(core, description, threads=threads or 0, **settings)
         self.cluster = cluster
         self.mixed = mixed

@@ -21,7 +21,7 @@ from lajolla.aovs import VARIANCE
 from lajolla.colour import FloatImage, decode_srgb, encode_srgb, xyz_to_rgb
 from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, Film, matrix_text
 from lajolla.layers import NO_LAYERS, Layer
-from lajolla.limits import COMPRESSIONS, check
+from lajolla.limits import COMPRESSIONS, check, check_mapping
 from lajolla.messages import names_checked, shortened, suggestion, warn
 from lajolla.picture_files import (
     ImageError,
@@ -76,6 +76,8 @@ class Image(Pixelwise):
         self.array: FloatImage = np.asarray(array, dtype=np.float32)
         if self.array.ndim != 3 or self.array.shape[2] != 3:
             raise ImageError(f"a picture has shape (height, width, 3), not {self.array.shape}")
+        check_mapping("channels", channels)
+        check_mapping("layers", layers)
         self.channels = {name: np.asarray(values, dtype=np.float32) for name, values in channels.items()}
         for name, values in self.channels.items():
             if values.shape != self.array.shape[:2]:
@@ -164,6 +166,8 @@ class Image(Pixelwise):
         if any(name in self.channels for name in denoising.NOISY):
             raise denoising.DenoiseError("the picture was denoised before: it has channels noisy.R, ...")
         check("threads", threads)
+        if features is not None:
+            check_mapping("features", features)
         given = dict(self.channels if features is None else features)
         for name, values in given.items():
             if np.shape(values) != self.array.shape[:2]:
@@ -201,7 +205,7 @@ class Image(Pixelwise):
         arrays = self.arrays()
         values = arrays.get(layer)
         if values is None or values.ndim < 2:
-            raise ImageError(f"there is no layer {layer!r}{suggestion(layer, arrays)}")
+            raise ImageError(f"there is no layer {layer!r}{suggestion(str(layer), arrays)}")
         if values.ndim == 3 and (layer == "rgb" or f"{layer}.R" in self.channels):
             values = tone_map(values, exposure, self.film)
         return plotted(values, layer, axes)

@@ -1,6 +1,7 @@
 """Ranges and choices of options, for Python and the command line. Does not import the renderer."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import SupportsIndex
 
 MOST_SAMPLES = 2**30  # per pixel, as in the core
@@ -27,6 +28,24 @@ COMPRESSIONS = ("none", "rle", "zip", "zips", "piz", "pxr24", "b44", "b44a", "dw
 
 class OptionError(ValueError):
     """A render option that does not fit the scene."""
+
+
+def check_flag(name: str, value: object) -> None:
+    """Raises OptionError for what is neither True nor False, such as "no"; None, the default, is valid."""
+    if value is not None and not isinstance(value, bool):
+        raise OptionError(f"{name} must be True or False, not {value!r}")
+
+
+def check_real(name: str, value: object) -> None:
+    """Raises OptionError for what is no real number, such as "1%"; None, the default, is valid."""
+    if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
+        raise OptionError(f"{name} must be a number, not {value!r}")
+
+
+def check_mapping(name: str, value: object) -> None:
+    """Raises TypeError for what is no dict or the like."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} must be a dict, not {value!r}")
 
 
 def check(name: str, value: object) -> None:

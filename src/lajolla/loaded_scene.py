@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
-import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -15,11 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from lajolla import _core
 from lajolla.aovs import ALPHA, VARIANCE, check_aovs, with_aovs
+from lajolla.background import in_thread
 from lajolla.colour import FloatImage
 from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
 from lajolla.description_changes import description_changes
 from lajolla.image import Image
-from lajolla.limits import MOST_SAMPLES, OptionError, check
+from lajolla.limits import MOST_SAMPLES, OptionError, check, check_flag, check_mapping
 from lajolla.messages import names_checked, suggestion, warn
 from lajolla.objects import ObjectLayers
 from lajolla.options import Options, apply_options, apply_to_view
@@ -123,6 +122,7 @@ class Scene:
         Example:
             >>> scene.with_params({"red.reflectance": (0.6, 0.05, 0.05), "sensor.fov": 40.0})
         """
+        check_mapping("values", values)
         edits = self.params.edits(values)
         changes, core = edits.changes(), edits.description()
         try:
@@ -236,8 +236,11 @@ class Scene:
             max_distance: where rays end, in lengths of the direction: a number, or (N,).
             threads: number of threads; default: as many as this process may use.
 
+        Nothing is met by rays of which max_distance is negative, or whose origin or direction has a length
+        that is not finite or above 1e18.
+
         Raises:
-            ValueError: shapes of the arrays do not fit together.
+            ValueError: shapes of the arrays do not fit together, or max_distance is NaN.
 
         Example:
             >>> hits = scene.intersect((0, 1, 5), [[0, 0, -1], [0, 1, 0]])
@@ -282,6 +285,7 @@ class Scene:
         numbers = (("spp", spp), ("seed", seed), ("threads", threads), ("sample", first_sample))
         for name, value in numbers:
             check(name, value)
+        check_flag("mixed", mixed)
         if spp is None and seconds is None and noise is None:
             spp = self.core.sample_count
         if spp is not None and first_sample + spp > MOST_SAMPLES:
@@ -364,14 +368,15 @@ class Scene:
                 `distributed.Client`; or in so many processes of this machine, such as "local:4". The picture
                 is the same. Raises ClusterError.
             mixed: permits workers with another instruction set; the picture may then differ in the last bits.
-            progress: called with the progress about ten times a second.
+            progress: called with the progress about ten times a second; an exception of it ends the render.
             denoise: removes noise with the help of `features`; see `Image.denoise`. If that fails, the
-                picture is returned as rendered, with an ImageWarning.
+                picture is returned as rendered, with an ImageWarning. The progress is 0 during `features`.
 
         Raises:
             DenoiseError: `denoise` is set, and Open Image Denoise is not installed.
             OptionError: an option is out of range, or the integrator shows no light to denoise.
         """
+        check_flag("denoise", denoise)
         if denoise:
             check_available()
         scene = (self if sensor is None else self.with_sensor(sensor)).with_aovs(aovs)
@@ -385,7 +390,10 @@ class Scene:
             cluster=cluster,
             mixed=mixed,
         )
-        features = scene.features(seed=seed, threads=threads) if denoise else None
+        features = None
+        if denoise:
+            waiting = Progress(0.0, 0.0, rendering.rules)
+            features = scene.features(seed=seed, threads=threads, observe=lambda _: progress(waiting))
         rendering.run(progress)
         image = rendering.image()
         if features is None:
@@ -410,21 +418,15 @@ class Scene:
             >>> image = await scene.render_async(spp=64)
             >>> image = await asyncio.wait_for(scene.render_async(spp=10000), timeout=5)
         """
-        stopped = threading.Event()
 
-        def observe(state: Progress) -> None:
-            if stopped.is_set():
-                raise asyncio.CancelledError
-            progress(state)
+        def work(checkpoint: Callable[[], None]) -> Image:
+            def observe(state: Progress) -> None:
+                checkpoint()
+                progress(state)
 
-        loop = asyncio.get_running_loop()
-        task = loop.run_in_executor(None, lambda: self.render(progress=observe, **options))
-        try:
-            return await asyncio.shield(task)
-        except asyncio.CancelledError:
-            stopped.set()
-            await asyncio.wait([task])
-            raise
+            return self.render(progress=observe, **options)
+
+        return await in_thread(work)
 
     @names_checked
     def features(

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from lajolla.limits import check_flag, check_mapping
 from lajolla.loaded_scene import Scene
 from lajolla.messages import suggestion, warn
 from lajolla.options import Options
@@ -44,7 +45,12 @@ def load(
         OptionError: an option does not fit the scene.
         TypeError: unknown option or parameter.
     """
+    if reuse is not None and not isinstance(reuse, Scene):
+        raise TypeError(f"reuse must be a Scene, not {reuse!r}")
+    if parameters is not None:
+        check_mapping("parameters", parameters)
     own, extra = _split_options(options)
+    _check_flags(strict=strict, two_sided=two_sided)
     texts = {name: _as_text(value) for name, value in {**extra, **(parameters or {})}.items()}
     start = time.perf_counter()
     try:
@@ -81,6 +87,7 @@ def load_dict(
     Relative file names are relative to `base_path`, by default the current folder.
     """
     own, unknown = _split_options(options)
+    _check_flags(strict=strict, two_sided=two_sided)
     for name in unknown:
         hint = suggestion(name, [*LOAD_OPTIONS, "base_path", *vars(own)])
         raise TypeError(f"load_dict() has no option {name!r}{hint}")
@@ -101,6 +108,11 @@ def _warned(scene: Scene) -> Scene:
     for warning in scene.warnings:
         warn(warning)
     return scene
+
+
+def _check_flags(**flags: object) -> None:
+    for name, value in flags.items():
+        check_flag(name, value)
 
 
 def _split_options(options: Mapping[str, Any]) -> tuple[Options, dict[str, Any]]:

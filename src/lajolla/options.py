@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lajolla.aovs import check_aovs, with_aovs
-from lajolla.limits import LIMITS, OptionError, check
+from lajolla.limits import LIMITS, OptionError, check, check_flag
 from lajolla.messages import suggestion
 from lajolla.scene import core_schema, plugins_by_kind
 
@@ -30,8 +30,7 @@ class Options:
         for name, value in vars(self).items():
             if name in LIMITS and not (name == "sensor" and isinstance(value, str)):
                 check(name, value)
-        if self.hide_emitters is not None and not isinstance(self.hide_emitters, bool):
-            raise OptionError(f"hide_emitters must be True or False, not {self.hide_emitters!r}")
+        check_flag("hide_emitters", self.hide_emitters)
         object.__setattr__(self, "aovs", check_aovs(self.aovs))
         _check_name("sampler", self.sampler, lambda: list(core_schema()["sampler"]))
         integrators = plugins_by_kind()["integrator"]

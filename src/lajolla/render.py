@@ -18,7 +18,7 @@ from lajolla.colour import FloatImage
 from lajolla.film import Film
 from lajolla.image import Image
 from lajolla.layers import named_channels
-from lajolla.limits import LIMITS, MOST_SAMPLES, OptionError
+from lajolla.limits import LIMITS, MOST_SAMPLES, OptionError, check_flag, check_real
 from lajolla.messages import names_checked
 from lajolla.objects import ObjectLayers
 
@@ -42,6 +42,9 @@ class StopRules:
     most: int = MOST_SAMPLES  # samples per pixel that there are
 
     def __post_init__(self) -> None:
+        check_real("seconds", self.seconds)
+        check_real("noise", self.noise)
+        check_flag("adaptive", self.adaptive)
         if not self.seconds > 0:
             raise OptionError(f"seconds must be positive, not {self.seconds}")
         if not 0 <= self.noise < 1:
