@@ -19,11 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from lajolla import _core
 from lajolla.colour import FloatImage
-from lajolla.limits import OptionError
+from lajolla.limits import OptionError, check, check_mapping
 from lajolla.loading import load_dict
 from lajolla.scene import SceneError, describe
 
 Truths = NDArray[np.bool_]
+Sides = tuple[dict[str, Any], dict[str, Any] | None]  # descriptions of front and back
 
 CAMERA = {"type": "perspective", "film": {"type": "hdrfilm", "width": 1, "height": 1}}
 FRAME = {"type": "scene", "integrator": {"type": "volpath"}, "sensor": CAMERA}
@@ -55,21 +56,30 @@ class Bsdf:
     """A BSDF of constant parameters.
 
     Args:
-        description: as in a scene dict: {"type": "plastic", "diffuse_reflectance": [0.1, 0.2, 0.3]}.
+        description: as in a scene dict: {"type": "plastic", "diffuse_reflectance": [0.1, 0.2, 0.3]}. Of a
+            "twosided", the second bsdf, or the only one, is seen where wo is below the surface.
 
     Raises:
-        SceneError: it is none, or contains textures or several bsdfs.
+        SceneError: it is none, or contains textures, blends, masks or maps of normals.
     """
 
     def __init__(self, description: Mapping[str, Any]) -> None:
+        check_mapping("description", description)
         core = _described({"type": "sphere", "bsdf": description})
-        front = core["materials"][0]["front"]
-        if not isinstance(front, int) or front < 0:
+        material = core["materials"][0]
+        front, back = material["front"], material["back"]
+        if not isinstance(front, int) or not isinstance(back, int) or front < 0:
             raise SceneError("a Bsdf is a single one: no blend, mask or map of normals")
-        try:
-            self.core = _core.Bsdf(core["bsdfs"][front])
-        except _core.DescriptionError as problem:
-            raise SceneError(str(problem).removeprefix("bsdf: ")) from None
+        self.__setstate__((core["bsdfs"][front], core["bsdfs"][back] if back >= 0 else None))
+
+    def __getstate__(self) -> Sides:
+        return self._described
+
+    def __setstate__(self, described: Sides) -> None:
+        self._described = described
+        front, back = described
+        self.front = _core_bsdf(front)
+        self.back = None if back is None else _core_bsdf(back)
 
     def eval(self, wo: ArrayLike, wi: ArrayLike) -> FloatImage:
         """Values times the cosine of wi: (N, 3), for (N, 3) or (3,) directions; 0 for specular parts."""
@@ -81,14 +91,38 @@ class Bsdf:
 
     def sample(self, wo: ArrayLike, count: int, seed: int = 0) -> BsdfSamples:
         """Samples `count` directions wi for wo, which is (3,) or (count, 3)."""
-        found = self.core.sample_many(_directions(wo), _numbers(count, seed))
+        rows, numbers = _one_or(count, wo), _numbers(count, seed)
+        found = self.front.sample_many(rows, numbers)
+        if self.back is not None and (below := rows[:, 2] < 0).any():
+            other = self.back.sample_many(rows * TURN, numbers)
+            other["wi"] *= TURN
+            for name in BsdfSamples.__dataclass_fields__:
+                found[name] = _chosen(below, other[name], found[name])
         return BsdfSamples(**{name: found[name] for name in BsdfSamples.__dataclass_fields__})
 
     def _evaluated(self, wo: ArrayLike, wi: ArrayLike) -> tuple[FloatImage, FloatImage]:
-        rows = _directions(wo), _directions(wi)
-        count = max(len(rows[0]), len(rows[1]))
-        values, density = self.core.eval_many(rows[0], _repeated(rows[1], count))
+        rows = _pairs(wo, wi)
+        values, density = self.front.eval_many(*rows)
+        if self.back is not None and (below := rows[0][:, 2] < 0).any():
+            others, other_density = self.back.eval_many(rows[0] * TURN, rows[1] * TURN)
+            return _chosen(below, others, values), _chosen(below, other_density, density)
         return values, density
+
+
+# The frame of a back: its normal is the other way round, its tangent the same.
+TURN = np.array([1, -1, -1], np.float32)
+
+
+def _core_bsdf(entry: Mapping[str, Any]) -> _core.Bsdf:
+    try:
+        return _core.Bsdf(dict(entry))
+    except _core.DescriptionError as problem:
+        raise SceneError(str(problem).removeprefix("bsdf: ")) from None
+
+
+def _chosen(condition: Truths, values: FloatImage, others: FloatImage) -> FloatImage:
+    """Rows of `values` where the condition holds, else of `others`; the condition has N rows, or one."""
+    return np.where(condition.reshape(-1, *(1,) * (values.ndim - 1)), values, others)
 
 
 class Phase:
@@ -102,17 +136,22 @@ class Phase:
     """
 
     def __init__(self, description: Mapping[str, Any]) -> None:
+        check_mapping("description", description)
         medium = {"type": "homogeneous", "phase": description}
         core = _described({"type": "sphere", "bsdf": {"type": "null"}, "interior": medium})
-        self.core = _core.Media({name: core[name] for name in ("volumes", "phases")})
-        self._index: int = core["media"][0]["phase"]
+        self.__setstate__(({name: core[name] for name in ("volumes", "phases")}, core["media"][0]["phase"]))
+
+    def __getstate__(self) -> tuple[dict[str, Any], int]:
+        return self._described, self._index
+
+    def __setstate__(self, state: tuple[dict[str, Any], int]) -> None:
+        self._described, self._index = state
+        self.core = _core.Media(self._described)
 
     def eval(self, wo: ArrayLike, wi: ArrayLike) -> FloatImage:
         """Values (N,) per solid angle, which are also the densities of `sample`. Light that is not deflected
         has wi = -wo."""
-        rows = _directions(wo), _directions(wi)
-        count = max(len(rows[0]), len(rows[1]))
-        return np.asarray(self.core.phase_eval_many(self._index, rows[0], _repeated(rows[1], count), ORIGIN))
+        return np.asarray(self.core.phase_eval_many(self._index, *_pairs(wo, wi), ORIGIN))
 
     def pdf(self, wo: ArrayLike, wi: ArrayLike) -> FloatImage:
         """The same as `eval`."""
@@ -120,7 +159,9 @@ class Phase:
 
     def sample(self, wo: ArrayLike, count: int, seed: int = 0) -> tuple[FloatImage, FloatImage]:
         """Samples `count` directions wi (count, 3) for wo, (3,) or (count, 3), and their densities."""
-        wi, density = self.core.phase_sample_many(self._index, _directions(wo), _numbers(count, seed), ORIGIN)
+        wi, density = self.core.phase_sample_many(
+            self._index, _one_or(count, wo), _numbers(count, seed), ORIGIN
+        )
         return wi, density
 
 
@@ -157,6 +198,7 @@ class Light:
     """
 
     def __init__(self, description: Mapping[str, Any]) -> None:
+        check_mapping("description", description)
         self.scene = load_dict({**FRAME, "light": description}, strict=True)
         if not self.scene.description.core["emitters"]:
             raise SceneError("a Light is an emitter, or a shape with an emitter inside")
@@ -180,9 +222,13 @@ def _described(shape: Mapping[str, Any]) -> dict[str, Any]:
 
 
 ORIGIN = np.zeros((1, 3), np.float32)
+FARTHEST = 1e18  # coordinate of a point: squares of distances are float32
 
 
 def _numbers(count: int, seed: int) -> FloatImage:
+    if seed is None:
+        raise OptionError("seed must be a whole number, not None")
+    check("seed", seed)
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 0:
         raise OptionError(f"the number of samples must be a whole number, not {count!r}")
     return np.random.default_rng(seed).random((int(count), 3), dtype=np.float32)
@@ -192,18 +238,38 @@ def _directions(given: ArrayLike) -> FloatImage:
     rows = np.atleast_2d(np.asarray(given, np.float64))
     if rows.ndim != 2 or rows.shape[1] != 3:
         raise ValueError(f"directions must have the shape (N, 3) or (3,), not {np.shape(given)}")
-    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    if not np.all(np.isfinite(lengths) & (lengths > 0)):
+    if not np.all(np.isfinite(rows)):
+        raise ValueError("a direction is not finite")
+    largest = np.max(np.abs(rows), axis=1, keepdims=True)
+    if not np.all(largest > 0):
         raise ValueError("a direction has no length")
-    return np.ascontiguousarray(rows / lengths, np.float32)
+    rows = rows / largest  # so that no square is too small or too large
+    return np.ascontiguousarray(rows / np.linalg.norm(rows, axis=1, keepdims=True), np.float32)
 
 
-def _repeated(rows: FloatImage, count: int) -> FloatImage:
-    return np.ascontiguousarray(np.broadcast_to(rows, (count, 3))) if len(rows) == 1 else rows
+def _one_or(count: int, wo: ArrayLike) -> FloatImage:
+    """Directions: one for all samples, or as many as there are."""
+    rows = _directions(wo)
+    if len(rows) not in (1, count):
+        raise ValueError(f"wo has {len(rows)} rows, not 1 or as many as samples, {count}")
+    return rows
 
 
-def _point(given: ArrayLike) -> FloatImage:
-    point = np.ascontiguousarray(given, np.float32)
-    if point.shape != (3,):
-        raise ValueError(f"a point is three numbers, not {given!r}")
+def _pairs(wo: ArrayLike, wi: ArrayLike) -> tuple[FloatImage, FloatImage]:
+    """Directions, as many of one as of the other."""
+    rows = _directions(wo), _directions(wi)
+    counts = {len(rows[0]), len(rows[1])} - {1}
+    if len(counts) > 1:
+        raise ValueError(f"wo and wi have {len(rows[0])} and {len(rows[1])} rows")
+    shape = (counts.pop() if counts else 1, 3)
+    return (
+        np.ascontiguousarray(np.broadcast_to(rows[0], shape)),
+        np.ascontiguousarray(np.broadcast_to(rows[1], shape)),
+    )
+
+
+def _point(given: ArrayLike) -> NDArray[np.float64]:
+    point = np.ascontiguousarray(given, np.float64)
+    if point.shape != (3,) or not np.all(np.abs(point) <= FARTHEST):
+        raise ValueError(f"a point is three numbers, of at most {FARTHEST:g}, not {given!r}")
     return point

@@ -7,6 +7,7 @@ lajolla.load_dict({..., "sensor": {"type": "perspective", "to_world": look_at((0
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -32,18 +33,21 @@ def translate(offset: Triple) -> Matrix:
 
 def scale(factors: float | Triple) -> Matrix:
     """Scales by one factor, or by one along each axis. Raises ValueError for other values."""
-    return transforms.scale(_three("factors", np.broadcast_to(np.asarray(factors, np.float64), 3)))
+    return transforms.scale(_three("factors", (factors,) * 3 if np.ndim(factors) == 0 else factors))
 
 
 def rotate(axis: Triple, degrees: float) -> Matrix:
     """Rotates about an axis through the origin, counterclockwise if it points to the viewer.
 
-    Raises ValueError if the axis has no length.
+    Raises ValueError if the axis has no length, or the angle is not finite.
     """
     vector = _three("axis", axis)
     if not np.any(vector):
         raise ValueError("the axis of a rotation has no length")
-    return transforms.rotate(vector, float(degrees))
+    if not math.isfinite(degrees):
+        raise ValueError(f"the angle of a rotation must be finite, not {degrees}")
+    _, exponent = np.frexp(np.max(np.abs(vector)))  # so that no square vanishes or overflows
+    return transforms.rotate(np.ldexp(vector, -exponent), degrees)
 
 
 def look_at(origin: Triple, target: Triple, up: Triple = (0.0, 1.0, 0.0)) -> Matrix:
