@@ -19,7 +19,7 @@ import lajolla
 from lajolla import _core, cli, layers
 from lajolla.aovs import AOVS, IDS, is_matte
 from lajolla.limits import COMPRESSIONS
-from lajolla.scene import load_description
+from lajolla.scene import load_description, numbered
 
 Scene = dict[str, Any]
 
@@ -192,15 +192,16 @@ def test_names_of_objects(tmp_path: Path) -> None:
         <shape type="disk"><bsdf type="twosided"><bsdf type="diffuse" id="inner"/></bsdf></shape>
         <emitter type="constant"/></scene>"""
     )
-    names = load_description(tmp_path / "scene.xml", named=True).names
-    assert names is not None
-    shapes, materials = names.numbered("shapes"), names.numbered("materials")
+    description = load_description(tmp_path / "scene.xml")
+    shapes, materials, instances = (
+        numbered(description.objects, description.core, where)
+        for where in ("shapes", "materials", "instances")
+    )
     # Both parts of a mesh are one shape; a name that is taken gets another ending.
     assert shapes.numbers.tolist() == [1, 2, 3, 4, 5, 6, 6, 7, 7, 8]
     assert list(shapes.names) == ["", *(f"shape_{i}" for i in range(1, 7)), "shape_8", "shape_8_"]
     assert list(materials.names) == ["", "material_1", "red", "blue", "inner"]
-    assert names.numbered("instances").numbers.tolist() == []
-    assert load_description(tmp_path / "scene.xml").names is None
+    assert instances.numbers.tolist() == []
 
 
 # --- Cryptomatte

@@ -60,6 +60,15 @@ def pixels(name: str) -> np.ndarray:
 # --- going on
 
 
+def test_a_checkpoint_may_have_more_samples_than_are_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("render scene.xml --spp 8 --checkpoint a.ckpt -o a.exr") == 0
+    assert capsys.readouterr().err == ""
+    assert run("render scene.xml --spp 4 --resume a.ckpt -o b.exr") == 0
+    message = "warning: a.ckpt has 8 samples per pixel, more than --spp 4; all are used"
+    assert message in capsys.readouterr().err
+    np.testing.assert_array_equal(pixels("a.exr"), pixels("b.exr"))
+
+
 def test_a_resumed_render_equals_one_in_one_go() -> None:
     assert run("render scene.xml --spp 9 -o part.exr --checkpoint a.ckpt") == 0
     assert run("render scene.xml --spp 32 -o a.exr --resume a.ckpt") == 0

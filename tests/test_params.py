@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import pickle
+import time
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -265,6 +267,40 @@ def test_colours_out_of_range_are_clamped_with_a_warning() -> None:
     with pytest.warns(lajolla.SceneWarning, match="above 1"):
         scene["red.reflectance"] = 1.5
     assert scene["red.reflectance"].tolist() == [1, 1, 1]
+
+
+def test_what_does_not_change_is_not_made_again() -> None:
+    rng = np.random.default_rng(1)
+    triangles = rng.uniform(-1, 1, (100_000, 1, 3)) + rng.normal(scale=0.01, size=(100_000, 3, 3))
+    dust = {
+        "type": "mesh",
+        "positions": triangles.reshape(-1, 3),
+        "triangles": np.arange(300_000).reshape(-1, 3),
+        "face_normals": True,
+    }
+    scene = loaded({**ROOM, "dust": dust})
+    scene["sensor.fov"] = 61  # makes the names
+
+    def seconds(action: Callable[[], object]) -> float:
+        times = []
+        for _ in range(5):
+            start = time.perf_counter()
+            action()
+            times.append(time.perf_counter() - start)
+        return min(times)
+
+    build = seconds(lambda: _core.Scene(scene.description.core))
+    for path in (
+        "sensor.fov",
+        "red.reflectance",
+        "lamp.emitter.radiance",
+        "ball.bsdf",
+        "integrator.max_depth",
+    ):
+        value = "red" if path == "ball.bsdf" else 3
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", lajolla.SceneWarning)
+            assert seconds(lambda: scene.with_params({path: value})) < build / 10, path  # noqa: B023
 
 
 def test_changes_survive_pickles() -> None:

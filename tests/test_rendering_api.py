@@ -6,6 +6,7 @@ import asyncio
 import copy
 import pickle
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,21 @@ def test_changes_hold_for_every_sensor() -> None:
     changed["red"]["reflectance"] = 0.9
     scene = loaded(TWO).with_params({"red.reflectance": 0.9})
     assert np.array_equal(scene.render(spp=1, sensor=1).array, loaded(changed, sensor=1).render(spp=1).array)
+
+
+def test_pickles_do_not_hold_files(tmp_path: Path) -> None:
+    camera = (
+        '<sensor type="perspective"><film type="hdrfilm"><integer name="width" value="{}"/></film></sensor>'
+    )
+    text = f"""<scene version="3.0.0"><!-- secret --><integrator type="path"/><emitter type="constant"/>
+        {camera.format(4)}{camera.format(5)}{camera.format(-1)}</scene>"""
+    (tmp_path / "scene.xml").write_text(text)
+    scene = lajolla.load(tmp_path / "scene.xml", sensor=0)
+    data = pickle.dumps(scene)
+    assert b"secret" not in data
+    assert pickle.loads(data).with_sensor(1).width == 5
+    with pytest.raises(lajolla.SceneError, match="between 1 and 65536"):
+        pickle.loads(data).with_sensor(2)
 
 
 def test_unknown_sensors_are_refused() -> None:

@@ -16,7 +16,7 @@ from reader_tools import entries
 
 import lajolla
 from lajolla import _core
-from lajolla.scene import Description, SceneError, load_description
+from lajolla.scene import Description, SceneError, load_description, numbered
 from lajolla.scene.syntax import runs as syntax_runs
 from lajolla.scene.syntax.element import Element
 from lajolla.scene.syntax.elements import parse_xml
@@ -374,10 +374,9 @@ def test_bsdfs_of_a_run_keep_their_names(two_sided: bool, tmp_path: Path) -> Non
     path = write(tmp_path / "scene.xml", body)
     found = []
     for runs in (True, False):
-        description = load_description(path, runs=runs, named=True, two_sided=two_sided)
-        assert description.names is not None
-        numbered = description.names.numbered("materials")
-        found.append((whole(description), numbered.numbers.tolist(), list(numbered.names)))
+        description = load_description(path, runs=runs, two_sided=two_sided)
+        known = numbered(description.objects, description.core, "materials")
+        found.append((whole(description), known.numbers.tolist(), list(known.names)))
     assert found[0] == found[1]
     assert found[0][2] == ["", "m4", "m1", "m0"]
 

@@ -24,7 +24,9 @@ struct MaterialId {
     friend constexpr bool operator==(const MaterialId &, const MaterialId &) = default;
 };
 
-// One tree for each side. Transmissive BSDFs apply to both sides, even if only one tree contains them.
+// One tree for each side. Without a tree for the back, that of the front serves both: its transmissive BSDFs
+// are visible from behind, its others black. A tree of transmissive BSDFs alone never has another for the
+// back.
 struct Material {
     MaterialId front;
     MaterialId back; // for the back, in a flipped frame

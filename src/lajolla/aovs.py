@@ -79,11 +79,6 @@ def check_aovs(aovs: object) -> tuple[str, ...]:
     return tuple(names)
 
 
-def needs_names(aovs: Sequence[str]) -> bool:
-    """Whether the reader has to keep the names of objects."""
-    return any(AOVS[aov].kind for aov in aovs)
-
-
 def object_layers(aovs: Sequence[str]) -> list[str]:
     """Those that are not rendered by samples, but afterwards: ids and mattes."""
     return [aov for aov in aovs if is_matte(aov) or aov in IDS]

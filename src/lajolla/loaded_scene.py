@@ -53,15 +53,15 @@ class Scene:
         self.film = description.film.with_alpha() if ALPHA in options.aovs else description.film
         self.aovs = tuple(options.aovs)
         self._params: Params | None = None
-        self.names = description.names  # of objects, if an aov needs them
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
 
     def __reduce__(self) -> tuple[object, ...]:
         """A pickle holds the description with its options; the scene is built when the pickle is loaded."""
-        kept = {"film": self.film, "aovs": self.aovs, "names": self.names, "options": self.options}
-        return Scene, (self.description, Options(), self.load_seconds), kept
+        kept = {"film": self.film, "aovs": self.aovs, "options": self.options}
+        views = {name: view.without_places() for name, view in self.description.views.items()}
+        return Scene, (replace(self.description, views=views), Options(), self.load_seconds), kept
 
     def __repr__(self) -> str:
         samples = self.core.sample_count
@@ -235,7 +235,7 @@ class Scene:
             >>> hits.distance[hits.hit]
         """
         check("threads", threads)
-        return intersections_of(self.core, self.names, origins, directions, max_distance, threads or 0)
+        return intersections_of(self.core, self.description, origins, directions, max_distance, threads or 0)
 
     @names_checked
     def occluded(
@@ -310,8 +310,12 @@ class Scene:
             threads=threads,
             film=self.film,
             first_sample=first_sample,
-            layers=ObjectLayers(self.core, self.aovs, self.names, seed, first_sample, threads),
+            layers=self._object_layers(seed, first_sample, threads),
         )
+
+    def _object_layers(self, seed: int, first_sample: int, threads: int) -> ObjectLayers:
+        known, core = self.description.objects, self.description.core
+        return ObjectLayers(self.core, self.aovs, known, core, seed, first_sample, threads)
 
     @names_checked
     def render(

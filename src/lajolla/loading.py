@@ -56,7 +56,6 @@ def load(
             two_sided=two_sided,
             integrator=own.integrator,
             sensor=own.sensor,
-            named=True,
             known_files=reuse.files if reuse is not None else {},
         )
     except UnknownParameter as problem:
@@ -94,7 +93,6 @@ def load_dict(
         two_sided=two_sided,
         integrator=own.integrator,
         sensor=own.sensor,
-        named=True,
     )
     return _warned(Scene(description, own, time.perf_counter() - start))
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from lajolla import _core
-from lajolla.aovs import AOVS, IDS, PRIMITIVE, RANKS, is_matte, needs_names
+from lajolla.aovs import AOVS, IDS, PRIMITIVE, RANKS, is_matte
 from lajolla.colour import FloatImage
 from lajolla.layers import NO_LAYERS, Cryptomatte, IdImage, Ids, Layer
-from lajolla.scene import Names, Numbered
+from lajolla.scene import Numbered, Objects, numbered
 
 MOST_COUNTED = 256  # samples per pixel that a Cryptomatte counts
 BAND = 1 << 21  # samples after which Python looks for signals
@@ -23,7 +24,8 @@ class ObjectLayers:
 
     core: _core.Scene
     aovs: Sequence[str]
-    names: Names | None  # None if no aov needs them
+    objects: Objects  # and the description that they are the objects of
+    description: Mapping[str, Any]
     seed: int
     first_sample: int
     threads: int
@@ -31,14 +33,12 @@ class ObjectLayers:
 
     def layers(self, samples: int) -> dict[str, Layer]:
         """The layers after so many samples of the pixel that has most."""
-        numbered = {}
-        if self.names is not None and needs_names(self.aovs):
-            kinds = dict.fromkeys(AOVS[aov].kind for aov in self.aovs if AOVS[aov].kind)
-            numbered = {kind: self.names.numbered(f"{kind}s") for kind in kinds}
-        found = {**self._ids(numbered), **self._mattes(numbered, min(samples, MOST_COUNTED))}
+        kinds = dict.fromkeys(AOVS[aov].kind for aov in self.aovs if AOVS[aov].kind)
+        known = {kind: numbered(self.objects, self.description, f"{kind}s") for kind in kinds}
+        found = {**self._ids(known), **self._mattes(known, min(samples, MOST_COUNTED))}
         return {aov: found[aov] for aov in self.aovs if aov in found}
 
-    def _ids(self, numbered: Mapping[str, Numbered]) -> dict[str, Layer]:
+    def _ids(self, known: Mapping[str, Numbered]) -> dict[str, Layer]:
         wanted = [aov for aov in self.aovs if aov in IDS]
         if not wanted:
             return {}
@@ -49,16 +49,16 @@ class ObjectLayers:
             if aov == PRIMITIVE:
                 result[aov] = Ids(values)
             else:
-                numbers = np.concatenate([[0], numbered[aov].numbers]).astype(np.int32)
-                result[aov] = Ids(numbers[values + 1], numbered[aov].names)
+                numbers = np.concatenate([[0], known[aov].numbers]).astype(np.int32)
+                result[aov] = Ids(numbers[values + 1], known[aov].names)
         return result
 
-    def _mattes(self, numbered: Mapping[str, Numbered], samples: int) -> Mapping[str, Layer]:
+    def _mattes(self, known: Mapping[str, Numbered], samples: int) -> Mapping[str, Layer]:
         wanted = [aov for aov in self.aovs if is_matte(aov)]
         if not wanted or samples == 0:
             return {}
         if self._counted[0] != samples:
-            objects = [numbered[AOVS[aov].kind] for aov in wanted]
+            objects = [known[AOVS[aov].kind] for aov in wanted]
             kinds = [(AOVS[aov].kind, one.numbers) for aov, one in zip(wanted, objects, strict=True)]
             found = self._count(kinds, samples)
             mattes = {

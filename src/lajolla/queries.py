@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lajolla import _core
 from lajolla.colour import FloatImage
-from lajolla.scene import Names
+from lajolla.scene import Description, numbered
 
 Ids = NDArray[np.int32]
 RayRows = tuple[FloatImage, FloatImage, FloatImage]
@@ -40,7 +40,7 @@ class Intersections:
     shape: Ids
     primitive: Ids
     instance: Ids
-    _names: Names | None = field(default=None, repr=False)
+    _description: Description | None = field(default=None, repr=False)
 
     @property
     def hit(self) -> NDArray[np.bool_]:
@@ -50,15 +50,15 @@ class Intersections:
     @cached_property
     def shape_names(self) -> Sequence[str]:
         """The name of each number in `shape`: its id, or one made of its number, as in layers of ids."""
-        if self._names is None:
+        if self._description is None:
             return ()
-        numbered = self._names.numbered("shapes")
-        return [numbered.names[number] for number in numbered.numbers]
+        known = numbered(self._description.objects, self._description.core, "shapes")
+        return [known.names[number] for number in known.numbers]
 
 
 def intersections_of(
     core: _core.Scene,
-    names: Names | None,
+    description: Description,
     origins: ArrayLike,
     directions: ArrayLike,
     max_distance: ArrayLike,
@@ -66,7 +66,7 @@ def intersections_of(
 ) -> Intersections:
     """See `Scene.intersect`."""
     found = _core.intersect(core, *_rays(origins, directions, max_distance), threads)
-    return Intersections(**found, _names=names)
+    return Intersections(**found, _description=description)
 
 
 def occlusion_of(

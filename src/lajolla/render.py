@@ -166,7 +166,7 @@ class Rendering:
                 observe(Progress(samples, self.seconds, self.rules, self.noise))
         except BaseException:
             self.accumulator.cancel()
-            wait([task])
+            task.exception()  # waits
             self.accumulator.resume()  # it may have ended already
             raise
         finally:

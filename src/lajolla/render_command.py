@@ -102,7 +102,15 @@ def command_render(arguments: argparse.Namespace) -> int:
     )
     if arguments.resume is not None:
         lajolla.checkpoint.resume(rendering, arguments.resume)
+        _warn_of_more_samples(rendering, arguments)
     return _run_and_save(outputs, scene, rendering, arguments)
+
+
+def _warn_of_more_samples(rendering: lajolla.Rendering, arguments: argparse.Namespace) -> None:
+    spp = rendering.rules.spp
+    if spp is not None and rendering.samples > spp:
+        count = f"{rendering.samples:.4g} samples per pixel"
+        say(f"warning: {arguments.resume} has {count}, more than --spp {spp}; all are used")
 
 
 def _checked_outputs(scene: lajolla.Scene, arguments: argparse.Namespace) -> list[lajolla.outputs.Output]:

@@ -48,6 +48,7 @@ def for_each_sensor(arguments: argparse.Namespace, names: Sequence[str]) -> list
 def _of_sensor(arguments: argparse.Namespace, name: str, number: int | None, suffix: str) -> Render:
     result = _with_files(arguments, lambda path: _with_suffix(path, suffix), suffix)
     result.all_sensors, result.sensor = False, number
+    result.keep_partial = arguments.keep_partial and not arguments.skip_existing
     return Render(name, result)
 
 

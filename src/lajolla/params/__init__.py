@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from typing import Any
 
 from lajolla import _core
@@ -111,7 +112,9 @@ class Params(Mapping[str, Any]):
         return self._value(field, entry.get(param, field.default))
 
     def __repr__(self) -> str:
-        return "\n".join(f"{path} = {short(self[path])}" for path in self)
+        shown = [f"{path} = {short(self[path])}" for path in islice(self, MOST_SHOWN)]
+        more = len(self) - len(shown)
+        return "\n".join([*shown, f"... and {more} more"] if more else shown)
 
     def info(self, name: str) -> Info:
         """Where an object comes from, and what it is; also of the object of a parameter's path.
@@ -238,6 +241,7 @@ class Params(Mapping[str, Any]):
         return self._names.get(f"{where}[{index}]")
 
 
+MOST_SHOWN = 1000
 SPECIAL = ("size", "bsdf", "interior", "exterior", "medium")
 OTHERS = {
     "size": Field("size", "size", "width and height in pixels; the whole film is rendered"),

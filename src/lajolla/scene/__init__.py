@@ -28,7 +28,7 @@ from .description import cameras
 from .description.assemble import assemble
 from .description.builder import Builder, FileContent, plugins_by_kind
 from .description.entries import Objects, Places, View
-from .description.names import Names, Numbered
+from .description.names import Numbered, numbered
 from .description.plugins import READER_PLUGINS
 from .description.substitutes import SUBSTITUTES
 from .formats.images import Pixels
@@ -45,7 +45,6 @@ from .versions.upgrade import upgrade
 __all__ = [
     "Description",
     "Export",
-    "Names",
     "Numbered",
     "Objects",
     "Places",
@@ -58,6 +57,7 @@ __all__ = [
     "core_schema",
     "describe",
     "load_description",
+    "numbered",
     "plugins",
     "plugins_by_kind",
     "reason_of",
@@ -83,7 +83,6 @@ class Description:
     film: Film = field(default_factory=Film)
     sensors: tuple[str, ...] = ()  # the ids, or else numbers, of all that there are
     views: Mapping[str, View] = field(default_factory=dict)  # of all but the one that is used, by these names
-    names: Names | None = None  # of objects, if they were wanted
     light_groups: tuple[str, ...] = ()  # names of the numbers from 1 on that emitters have as "lightgroup"
     files: Mapping[Hashable, FileContent] = field(default_factory=dict)  # that were read
 
@@ -129,7 +128,6 @@ def load_description(
     two_sided: bool = False,
     integrator: str | None = None,
     sensor: str | int | None = None,
-    named: bool = False,
     runs: bool = True,
     known_files: Mapping[Hashable, FileContent] = NOTHING_KNOWN,
 ) -> Description:
@@ -143,7 +141,6 @@ def load_description(
         two_sided: make opaque materials the same on the back.
         integrator: the plugin to use in place of the scene's integrator, with the parameters that both have.
         sensor: the number, from zero, or the id of the one to look through.
-        named: keep the names of objects.
         runs: read objects that are alike together, which is quicker and means the same.
         known_files: `files` of another description, which are read again only if they have changed.
 
@@ -157,7 +154,6 @@ def load_description(
         two_sided=two_sided,
         integrator=integrator,
         sensor=sensor,
-        names=Names() if named else None,
         known_files=known_files,
     )
     return _describe(tree, builder)
@@ -231,21 +227,19 @@ def describe(
     two_sided: bool = False,
     integrator: str | None = None,
     sensor: str | int | None = None,
-    named: bool = False,
 ) -> Description:
     """Reads a scene from a dict, as Mitsuba 3's `load_dict` does.
 
     Args:
         scene_dict: `{"type": "scene", ...}`.
         base_path: the folder of files that it names; the working directory by default.
-        strict, two_sided, integrator, sensor, named: as for `load_description`.
+        strict, two_sided, integrator, sensor: as for `load_description`.
 
     Raises:
         SceneError: the scene cannot be read; the message contains the location and the reason.
     """
     base = Path(base_path) if base_path is not None else Path.cwd()
-    names = Names() if named else None
-    builder = Builder(Diagnostics(strict), [base], two_sided, integrator, sensor, names)
+    builder = Builder(Diagnostics(strict), [base], two_sided, integrator, sensor)
     with Blame(Location(Source("scene", b"", base))), np.errstate(all="ignore"):
         tree = nodes_from_dict(scene_dict, base, builder.table, SUBSTITUTES)
     return _describe(_opened(tree, builder), builder)
@@ -330,7 +324,6 @@ def _describe(tree: Tree, builder: Builder) -> Description:
         builder.film,
         cameras.names(tree.root),
         builder.views,
-        builder.names,
         tuple(builder.light_groups),
         builder.files,
     )

@@ -17,7 +17,6 @@ from .entries import Objects, Places, View
 from .inside import is_inside
 from .instances import add_instance, check_size, plain_group
 from .mapping import warn_of_missing_coordinates
-from .names import NAMED
 from .outputs import description_of, repeated
 from .plugin import BLACK, Entry, FilmPart, Part, Slot
 from .runs import add_run
@@ -54,8 +53,7 @@ def assemble(builder: Builder, scene: Node) -> Entry:
     output = _output(builder, _integrator(builder, scene))
     if builder.kept is None:
         builder.views.update(_other_views(builder, scene, sensor))
-    if builder.names is not None:
-        builder.names.finish({where: len(getattr(builder, where)) for where in NAMED})
+    builder.objects.finish()
     shown = sensor or _implied(scene, "sensor", "perspective")
     _warn_of_unseen_media(builder, output["integrator"]["type"], view["sensor"], shown)
     return {

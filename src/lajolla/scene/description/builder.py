@@ -18,7 +18,6 @@ from ..syntax.errors import Blame, Diagnostics, Location, SceneError, did_you_me
 from ..syntax.files import MissingFile, find_file
 from ..syntax.nodes import Node, Property
 from .entries import Entries, Objects, Places, View
-from .names import Names, material_name
 from .outputs import Layer, Picture
 from .plugin import (
     BLACK,
@@ -140,7 +139,6 @@ class Builder:
     two_sided: bool = False
     integrator: str | None = None  # in place of the scene's
     sensor: str | int | None = None  # which one of several, by id or number
-    names: Names | None = None  # of objects, if they are wanted; materials of different names are different
     table: Mapping[str, Mapping[str, Plugin]] = field(default_factory=plugins_by_kind)
     textures: Entries = field(default_factory=Entries)
     lookups: list[int] = field(default_factory=list)  # of each texture, how many it takes
@@ -399,8 +397,6 @@ class Builder:
                 self.objects.inherit(node, (child for _, child in node.children("bsdf")))
             result = self.construct(node)
             slot = Slot(self.add_once("bsdfs", result, node)) if isinstance(result, dict) else result
-            if self.names is not None and isinstance(slot, Slot):
-                slot = replace(slot, name=material_name(node))
             self.materials_of[node] = cast("Slot | None", slot)
         return self.materials_of[node]
 
@@ -416,9 +412,8 @@ class Builder:
             self._count_lookups(entry, node)
         index = entries.add(entry)
         self.places[f"{where}[{index}]"] = node.location
-        self.objects.note(f"{where}[{index}]", entry, node)
-        if self.names is not None:
-            self.names.note(where, index, node)
+        if where != "materials":  # they come from shapes, and are their bsdfs
+            self.objects.note(f"{where}[{index}]", entry, node)
         return index
 
     def _count_lookups(self, entry: Entry, node: Node) -> None:
@@ -482,8 +477,6 @@ class Builder:
         if slot not in self.slots:
             entry = {"front": _described(slot.front), "back": _described(slot.back)}
             self.slots[slot] = self.add("materials", entry, shape)
-            if self.names is not None and slot.name:
-                self.names.name("materials", self.slots[slot], slot.name)
         return self.slots[slot]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, overload
 
 from lajolla.film import Film
@@ -65,33 +65,46 @@ def row_of(entry: Entry, index: int) -> Entry:
 
 @dataclass
 class Objects:
-    """Of entries by their names ("bsdfs[3]"): the ids that their objects have in the scene, where they have
-    one, and the plugins that made them, where those are not named like the core's model."""
+    """The objects that entries come from, by the names of the entries ("bsdfs[3]").
 
-    ids: dict[str, str] = field(default_factory=dict)
-    plugins: dict[str, str] = field(default_factory=dict)
+    Most entries of large scenes have no id, and nothing is stored for them.
+    """
 
+    ids: dict[str, str] = field(default_factory=dict)  # that the objects have in the scene
+    plugins: dict[str, str] = field(default_factory=dict)  # where they are not named like the core's model
+    firsts: dict[str, str] = field(default_factory=dict)  # the first entry of the same object without an id
     inherited: dict[Node, str] = field(default_factory=dict)
+    _met: dict[Node, str] = field(default_factory=dict)
 
     def inherit(self, node: Node, names: Iterable[Node]) -> None:
         """Notes that objects without an id share that of the object around them, which is no entry."""
         self.inherited.update({inner: self.id_of(node) for inner in names if not inner.id})
 
     def id_of(self, node: Node) -> str:
-        """The id of an object, or that which it shares."""
-        return node.id or self.inherited.get(node, "")
+        """The id of an object, or that which it shares; of a coating also that of what it covers."""
+        own = node.id or self.inherited.get(node, "")
+        if own or not node.plugin.lower().endswith("coating"):
+            return own
+        return next((self.id_of(child) for _, child in node.children("bsdf")), "")
+
+    def finish(self) -> None:
+        """Forgets what only serves to note entries: it holds the whole scene."""
+        self.inherited.clear()
+        self._met.clear()
 
     def with_plugins(self, entries: Iterable[str], plugins: Mapping[str, str]) -> Objects:
         """The same with other plugins of some entries, which have no ids."""
         kept = {name: plugin for name, plugin in self.plugins.items() if name not in entries}
         ids = {name: known for name, known in self.ids.items() if name not in entries}
-        return Objects(ids, {**kept, **plugins})
+        return Objects(ids, {**kept, **plugins}, self.firsts)
 
     def note(self, where: str, entry: Entry, node: Node) -> None:
         """Notes that an entry comes from this object."""
         name = self.id_of(node)
         if name:
             self.ids[where] = name
+        elif where.startswith("shapes") and (first := self._met.setdefault(node, where)) != where:
+            self.firsts[where] = first
         if node.plugin and node.plugin != entry.get("type"):
             self.plugins[where] = node.plugin
 
@@ -108,6 +121,12 @@ class View:
     places: Mapping[str, Location] = field(default_factory=dict)
     warnings: Sequence[SceneWarning] = ()
     problem: SceneError | None = None
+
+    def without_places(self) -> View:
+        """The same without places in files, which hold the contents of these."""
+        warnings = [SceneWarning(warning.message) for warning in self.warnings]
+        problem = self.problem and SceneError(self.problem.message)
+        return replace(self, places={}, warnings=warnings, problem=problem)
 
 
 class Places(dict[str, Location]):

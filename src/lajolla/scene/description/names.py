@@ -2,60 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ..syntax.nodes import Node
+from .entries import Objects
 
-NAMED = {"shapes": "shape", "materials": "material", "instances": "instance"}  # lists, and what is in them
-
-
-@dataclass
-class Names:
-    """Collects the names of entries while a description is built.
-
-    An entry is named by the id that its object has in the scene. Entries that are parts of the same object
-    share its name; most entries of large scenes have no id, and nothing is stored for them.
-    """
-
-    ids: dict[str, dict[int, str]] = field(default_factory=dict)  # by list and index
-    firsts: dict[str, dict[int, int]] = field(default_factory=dict)  # the first entry of the same object
-    counts: dict[str, int] = field(default_factory=dict)
-    _met: dict[Node, int] = field(default_factory=dict)
-
-    def note(self, where: str, index: int, node: Node) -> None:
-        """Notes that an entry is, or is a part of, this object."""
-        if where not in NAMED or where == "materials":
-            return
-        first = self._met.setdefault(node, index)
-        if node.id:
-            self.name(where, index, node.id)
-        elif first != index:
-            self.firsts.setdefault(where, {})[index] = first
-
-    def name(self, where: str, index: int, name: str) -> None:
-        """Names an entry."""
-        self.ids.setdefault(where, {})[index] = name
-
-    def finish(self, counts: dict[str, int]) -> None:
-        """Notes how many entries there are; no more are added."""
-        self.counts = counts
-        self._met.clear()  # it holds the whole scene
-
-    def numbered(self, where: str) -> Numbered:
-        """Numbers for the entries of a list."""
-        ids, firsts = self.ids.get(where, {}), dict(self.firsts.get(where, {}))
-        met: dict[str, int] = {}
-        for index, name in ids.items():
-            firsts[index] = met.setdefault(name, index)
-        first = np.arange(self.counts[where])
-        first[list(firsts)] = list(firsts.values())
-        is_first = first == np.arange(len(first))
-        numbers = np.cumsum(is_first)[first].astype(np.int32)
-        return Numbered(numbers, _texts(NAMED[where], np.flatnonzero(is_first), ids))
+KINDS = {"shapes": "shape", "materials": "material", "instances": "instance"}  # lists, and what is in them
 
 
 @dataclass(frozen=True)
@@ -67,6 +23,64 @@ class Numbered:
 
     numbers: npt.NDArray[np.int32]
     names: Sequence[str]
+
+
+def numbered(objects: Objects, core: Mapping[str, Any], where: str) -> Numbered:
+    """Numbers for the shapes, materials or instances of a description.
+
+    An entry is named by the id that its object has in the scene, a material by that of its bsdf. Entries that
+    are parts of the same object share its number.
+    """
+    count = sum(_rows(entry) for entry in core.get(where, ()))
+    ids = _material_ids(objects, core) if where == "materials" else _ids_of(objects, where)
+    firsts = {_index(name): _index(first) for name, first in objects.firsts.items() if _is_in(name, where)}
+    met: dict[str, int] = {}
+    for index, name in sorted(ids.items()):
+        firsts[index] = met.setdefault(name, index)
+    first = np.arange(count)
+    first[list(firsts)] = list(firsts.values())
+    is_first = first == np.arange(count)
+    numbers = np.cumsum(is_first)[first].astype(np.int32)
+    return Numbered(numbers, _texts(KINDS[where], np.flatnonzero(is_first), ids))
+
+
+def _is_in(name: str, where: str) -> bool:
+    return name.startswith(f"{where}[")
+
+
+def _index(name: str) -> int:
+    return int(name[name.index("[") + 1 : -1])
+
+
+def _ids_of(objects: Objects, where: str) -> dict[int, str]:
+    return {_index(name): known for name, known in objects.ids.items() if _is_in(name, where)}
+
+
+def _rows(entry: Mapping[str, Any]) -> int:
+    return next((len(value) for value in entry.values() if hasattr(value, "row")), 1)
+
+
+def _material_ids(objects: Objects, core: Mapping[str, Any]) -> dict[int, str]:
+    adapters = core.get("adapters", ())
+    fronts = (front for entry in core["materials"] for front in _values(entry, "front"))
+    names = (_name_of(front, objects, adapters) for front in fronts)
+    return {index: name for index, name in enumerate(names) if name}
+
+
+def _values(entry: Mapping[str, Any], key: str) -> Iterator[Any]:
+    """The value of each entry that a stored one represents."""
+    value = entry[key]
+    return (value.row(i) if hasattr(value, "row") else value for i in range(_rows(entry)))
+
+
+def _name_of(material: int | Mapping[str, int], objects: Objects, adapters: Sequence[Any]) -> str:
+    """The id of a material: of the bsdf itself, or of the first one inside that has one."""
+    if not isinstance(material, Mapping):
+        return objects.ids.get(f"bsdfs[{material}]", "")
+    index = material["adapter"]
+    children = (adapters[index][key] for key in ("first", "second", "child") if key in adapters[index])
+    inner = (name for child in children if (name := _name_of(child, objects, adapters)))
+    return objects.ids.get(f"adapters[{index}]", "") or next(inner, "")
 
 
 def _texts(kind: str, firsts: npt.NDArray[np.intp], ids: dict[int, str]) -> list[str]:
@@ -81,9 +95,3 @@ def _texts(kind: str, firsts: npt.NDArray[np.intp], ids: dict[int, str]) -> list
                 name += "_"
         names.append(name)
     return names
-
-
-def material_name(bsdf: Node) -> str:
-    """The id of a material: of the object itself, or of the first one inside that has one."""
-    inner = (name for _, child in bsdf.children("bsdf") if (name := material_name(child)))
-    return bsdf.id or next(inner, "")

@@ -40,11 +40,10 @@ MaterialId: TypeAlias = int | AdapterId  # the index of a bsdf, an adapter, or B
 
 @dataclass(frozen=True)
 class Slot:
-    """A material slot: the materials of the front and of the back, and its name where names are wanted."""
+    """A material slot: the materials of the front and of the back."""
 
     front: MaterialId
     back: MaterialId = BLACK
-    name: str = ""
 
 
 @dataclass(frozen=True)

@@ -124,8 +124,6 @@ def _materials(builder: Builder, node: Node, material: Material) -> int | Column
         return Column(np.array([found[member] for member in prop.members if isinstance(member, Node)]))
     if bsdf.run is None:
         return material(builder, node, bsdf)
-    if bsdf.ids and builder.names is not None:  # each material has a name
-        raise Irregular
     own = [bsdf, *(inner for inner in below([bsdf]) if inner.run is not None)]
     properties = [prop for part in own for prop in part.properties]
     for shared in below([bsdf]):  # messages about shared objects do not concern the run
@@ -140,6 +138,8 @@ def _materials(builder: Builder, node: Node, material: Material) -> int | Column
         if plugin is not None and plugin.in_runs and len(own) == 1:
             return _own_materials(builder, bsdf, plugin)
         return _copied_materials(builder, node, bsdf, properties, material)
+    if any(part.ids for part in own):  # they are the same, but have names
+        raise Irregular
     with _irregular_if_reported(builder):
         return material(builder, node, bsdf)
 
@@ -150,9 +150,11 @@ def _copied_materials(
     """The materials of shapes with a bsdf each; different ones are built one by one."""
     columns = [prop.value.rows for prop in properties if isinstance(prop.value, Column)]
     columns += [np.array([id(member) for member in p.members], float) for p in properties if p.members]
-    known: dict[bytes, int] = {}
+    named = [part.ids for part in (bsdf, *below([bsdf])) if part.ids]
+    known: dict[tuple[bytes, tuple[str, ...]], int] = {}
     indices = []
-    for i, key in enumerate(_row_keys(columns)):
+    for i, numbers in enumerate(_row_keys(columns)):
+        key = numbers, tuple(ids[i] for ids in named)
         if key not in known:
             with _irregular_if_reported(builder):
                 known[key] = material(builder, node, _copy(bsdf, i))
@@ -180,7 +182,7 @@ def _copy(node: Node, index: int) -> Node:
         elif prop.members:
             value = prop.members[index]
         properties.append(replace(prop, value=value, members=[]))
-    return replace(node, properties=properties, run=None)
+    return replace(node, properties=properties, run=None, id=node.ids[index] if node.ids else "", ids=())
 
 
 def _own_materials(builder: Builder, bsdf: Node, plugin: Plugin) -> Column:
@@ -194,9 +196,12 @@ def _own_materials(builder: Builder, bsdf: Node, plugin: Plugin) -> Column:
     indices = []
     for i, row in enumerate(zip(*columns.values(), strict=True)):
         one = {name: tuple(v) if isinstance(v, list) else v for name, v in zip(columns, row, strict=True)}
-        key = builder.key_of("bsdfs", {**entry, **one})
+        name = bsdf.ids[i] if bsdf.ids else ""
+        key = builder.key_of("bsdfs", {**entry, **one}, name)
         if key not in builder.indices:
             builder.indices[key] = len(builder.bsdfs) + len(kept)
+            if name:
+                builder.objects.ids[f"bsdfs[{builder.indices[key]}]"] = name
             kept.append(i)
         indices.append(builder.indices[key])
     if kept:

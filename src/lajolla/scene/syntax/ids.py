@@ -23,7 +23,7 @@ class Member(NamedTuple):
         return Location(self.node.run.source, self.node.run.starts[self.number])
 
 
-def _no_runs(member: Member) -> Node:
+def no_runs(member: Member) -> Node:
     raise AssertionError(f"{member.node} is in a run")
 
 
@@ -32,7 +32,7 @@ class Ids(Mapping[str, Node]):
     """Every id with its node. A member of a run gets a node of its own, by `alone`, when it is looked up."""
 
     found: dict[str, Node | Member] = field(default_factory=dict)
-    alone: Callable[[Member], Node] = _no_runs
+    alone: Callable[[Member], Node] = no_runs
     made: dict[str, Node] = field(default_factory=dict)  # by `alone`
 
     def __getitem__(self, name: str) -> Node:
@@ -73,4 +73,5 @@ def _rows(node: Node, indices: list[int], run: Run) -> Node:
         elif isinstance(value, Node):
             value = _rows(value, indices, run)
         properties.append(replace(prop, value=value))
-    return replace(node, properties=properties, run=run)
+    ids = [node.ids[index] for index in indices] if node.ids else ()
+    return replace(node, properties=properties, run=run, ids=ids)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from .errors import Location, SceneError, did_you_mean
-from .ids import Ids, Member
+from .ids import Ids, Member, no_runs
 from .nodes import Node, Property, Reference
 from .typed import Tree, member_of_run
 
 MAX_NESTING = 64  # objects in objects, references followed
 
 
-def resolve(tree: Tree, alone: Callable[[Member], Node]) -> None:
+def resolve(tree: Tree, alone: Callable[[Member], Node] = no_runs) -> None:
     """Replaces every reference by its node; `alone` makes that of a member of a run.
 
     Raises:
