@@ -414,7 +414,7 @@ def test_an_interrupted_picture_is_denoised(
 
         yield observe
 
-    monkeypatch.setattr(cli, "progress_display", interrupting)
+    monkeypatch.setattr("lajolla.render_command.progress_display", interrupting)
     assert cli.main("render room.xml --denoise -o a.exr --spp 1000000".split()) == 130
     assert "interrupted; wrote a.exr (" in capsys.readouterr().err
     assert set(denoising.NOISY) <= set(Image.open("a.exr").channels)

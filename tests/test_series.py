@@ -291,3 +291,35 @@ def test_frames_are_what_they_are_alone() -> None:
     assert [each.name for each in for_each_frame(arguments)] == ["frame 1", "frame 2", "frame 3"]
     assert run("render sky.xml --frames 1-3 -o all.pfm -D level={frame}") == 0
     assert Path("alone-0003.pfm").read_bytes() == Path("all-0003.pfm").read_bytes()
+
+
+def test_consecutive_scenes_share_what_is_equal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The picture is that of a scene that shares nothing."""
+    ball = """<shape type="sphere"><point name="center" x="$x" y="0" z="5"/>
+        <bsdf type="diffuse"><rgb name="reflectance" value="$red, 0.5, 0.5"/></bsdf></shape>
+        <shape type="cube"><transform name="to_world"><translate x="2" z="8"/></transform></shape>"""
+    names = '<default name="x" value="0"/><default name="red" value="0.5"/><default name="fov" value="40"/>'
+    scene = SCENE.replace("<emitter", ball + "<emitter").replace("<default", names + "<default")
+    Path("ball.xml").write_text(
+        scene.replace('type="perspective">', 'type="perspective"><float name="fov" value="$fov"/>')
+    )
+    built: list[object] = []
+    make = lajolla._core.Scene
+
+    def counted(description: object) -> object:
+        built.append(description)
+        return make(description)
+
+    monkeypatch.setattr("lajolla.loaded_scene._core.Scene", counted)
+    previous = lajolla.load("ball.xml", spp=4)
+    for parameters in ({"fov": 50}, {"red": 0.9}, {"x": 1}, {"level": 3}, {"fov": 20, "x": -1, "red": 0.1}):
+        previous = lajolla.load("ball.xml", spp=4, parameters=parameters, reuse=previous)
+        assert len(built) == 1
+        alone = make(previous.description.core)
+        render = lajolla._core.Render(alone)
+        render.advance(4)
+        np.testing.assert_array_equal(previous.render().array, render.image())
+    lajolla.load("ball.xml", spp=4, integrator="direct", reuse=previous)
+    Path("ball.xml").write_text(scene.replace("</scene>", '<shape type="cube"/></scene>'))
+    lajolla.load("ball.xml", spp=4, reuse=previous)
+    assert len(built) == 2

@@ -17,6 +17,7 @@ from lajolla import _core
 from lajolla.aovs import ALPHA, VARIANCE, check_aovs, with_aovs
 from lajolla.colour import FloatImage
 from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
+from lajolla.description_changes import description_changes
 from lajolla.image import Image
 from lajolla.limits import MOST_SAMPLES, OptionError, check
 from lajolla.messages import names_checked, suggestion, warn
@@ -37,15 +38,26 @@ OUTPUT = ("integrator", "other_integrators", "channels")  # entries of a descrip
 class Scene:
     """A scene ready to be rendered; made by `load` and `load_dict`."""
 
-    def __init__(self, description: Description, options: Options, load_seconds: float = 0.0) -> None:
+    core: _core.Scene
+    description: Description  # what `core` was built from
+
+    def __init__(
+        self,
+        description: Description,
+        options: Options,
+        load_seconds: float = 0.0,
+        reuse: Scene | None = None,
+    ) -> None:
         start = time.perf_counter()
         core = apply_options(description.core, options, description.light_groups)
         try:
-            self.core = _core.Scene(core)
+            changes = description_changes(reuse.description.core, core) if reuse is not None else None
+            shared = reuse.core.with_changes(changes) if reuse is not None and changes is not None else None
+            self.core: _core.Scene = shared or _core.Scene(core)
         except Exception as problem:
             raise description.refusal(problem) from None
         # To build it again elsewhere, which needs neither places of errors nor the contents of files.
-        self.description = replace(description, core=core, places=Places(), files={})
+        self.description: Description = replace(description, core=core, places=Places(), files={})
         self.files: Mapping[Any, Any] = description.files  # that were read, for `load(reuse=)`
         self.options = options
         self.sensors = description.sensors  # ids of all sensors, or their numbers

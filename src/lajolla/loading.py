@@ -35,7 +35,7 @@ def load(
         two_sided: makes opaque surfaces reflect on both sides.
         parameters: values of the file's `$name` parameters.
         reuse: a scene, such as the last frame of an animation: files that it has read are read again only if
-            they have changed.
+            they have changed, and what is equal in both scenes, such as acceleration structures, is shared.
         options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, sensor,
             hide_emitters, aovs); other names are parameters that the file must have.
 
@@ -62,7 +62,7 @@ def load(
         hint = suggestion(problem.name, [*LOAD_OPTIONS, "parameters", "reuse", *vars(own), *problem.known])
         what = f"load() has no option {problem.name!r}, nor has the scene such a parameter"
         raise TypeError(what + hint) from None
-    return _warned(Scene(description, own, time.perf_counter() - start))
+    return _warned(Scene(description, own, time.perf_counter() - start, reuse))
 
 
 LOAD_OPTIONS = ("strict", "two_sided")
