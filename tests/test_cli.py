@@ -134,7 +134,8 @@ def test_pixel(capsys: Capture) -> None:
     [
         (
             "",
-            "a command is required: render, batch, denoise, check, convert, compare, merge, list, completion",
+            "a command is required: render, view, batch, denoise, check, convert, compare, merge, list, "
+            "completion",
         ),
         ("rendr room.xml", "unknown command 'rendr'; did you mean 'render'?"),
         ("room.xml", "did you mean: lajolla render room.xml"),
@@ -174,6 +175,9 @@ def test_pixel(capsys: Capture) -> None:
         ("render room.xml -o missing/a.exr", "does not exist"),
         ("render room.xml --stats missing/s.json", "does not exist"),
         ("render missing.xml", "missing.xml"),
+        ("view missing.xml --no-browser", "missing.xml"),
+        ("view room.xml --port 99999", "port must be in 0 to 65535"),
+        ("view room.xml --compare missing.exr", "missing.exr: no such file"),
         ("check missing.xml", "missing.xml"),
         ("compare a.exr room.xml", "a.exr: no such file"),
         ("compare /dev/null room.xml", "/dev/null: not a file"),

@@ -70,6 +70,11 @@ MAY_IMPORT = {
         *("scene/description", "scene/formats", "scene/schema", "scene/syntax"),
     },
 }
+# The viewer stands beside the command line, above the rest of the package.
+VIEWER = {
+    *("_core", "aovs", "arguments", "colour", "image", "interrupts", "limits", "loaded_scene", "messages"),
+    *("params", "render", "scene", "scene/schema"),
+}
 PACKAGE = CORE.parent / "src" / "lajolla"
 MODULES = {
     ".".join(["lajolla", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(".__init__"): path
@@ -110,6 +115,13 @@ def test_imports_point_downwards() -> None:
         if room_of(name) not in MAY_IMPORT[room] | {room}
     ]
     assert wrong == []
+
+
+def test_the_viewer_is_at_the_top() -> None:
+    inside = {module for module in MODULES if room_of(module) == "viewer"}
+    assert {room_of(name) for module in inside for name in imported(module)} <= VIEWER | {"viewer"}
+    above = {module for module in MODULES if imported(module) & inside} - inside
+    assert above == {"lajolla.cli"}
 
 
 def test_no_imports_go_in_a_circle() -> None:

@@ -36,9 +36,17 @@ examples:
   lajolla render - -o - --format png < scene.xml > picture.png
   lajolla render scene.xml --noise 1% --time 2h --checkpoint scene.ckpt
   lajolla render scene.xml --noise 1% --time 2h --resume scene.ckpt       after a crash
-  lajolla render scene.xml --frames 1-240 -D angle=0..360 -o 'frames/{frame:04}.png'
+  lajolla render scene.xml --frames 1-240 -D angle=0..358.5 -o '{frame:04}.png'
 
 Ctrl-C stops rendering and saves the samples so far, denoised with --denoise.""",
+    "view": """\
+examples:
+  lajolla view scene.xml
+  lajolla view scene.xml --size 640x480 --spp 256
+  lajolla view scene.xml --no-browser --port 8000     prints the address to open
+
+The address is of this machine alone and has a random token. A change of the scene's file is shown at once.
+Ctrl-C ends it. docs/viewer.md describes the page.""",
     "batch": """\
 JOBS is a TOML file with "scene" and long options of lajolla render; those above the first [[job]] belong to
 all jobs. Parameters with several values are rendered in all combinations. Paths are relative to JOBS.
@@ -49,8 +57,8 @@ all jobs. Parameters with several values are rendered in all combinations. Paths
   [[job]]
   scene = "turntable.xml"
   frames = "1-240"
-  parameters = {angle = "0..360"}
-  output = "turntable/{frame:04}.exr"
+  parameters = {angle = "0..358.5"}
+  output = "turntable-{frame:04}.exr"
 
   [[job]]
   scene = "balls.xml"
@@ -228,6 +236,7 @@ def build_parser() -> tuple[Parser, dict[str, Parser]]:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     adders: dict[str, tuple[str, Callable[[Parser], None]]] = {
         "render": ("render a scene", _add_render),
+        "view": ("look at a scene in the browser, and change it", _add_view),
         "batch": ("render the jobs of a file", _add_batch),
         "denoise": ("remove noise from a rendered picture", _add_denoise),
         "check": ("open a scene; print statistics and warnings", _add_check),
@@ -420,6 +429,25 @@ def _add_batch(parser: Parser) -> None:
     _add_run(parser)
 
 
+def _add_view(parser: Parser) -> None:
+    _add_scene(parser)
+    group = parser.add_argument_group("viewer")
+    group.add_argument(
+        "--noise",
+        type=option_values.noise,
+        metavar="X",
+        help="render until this relative error of the picture, as estimated",
+    )
+    group.add_argument("--compare", type=Path, metavar="PICTURE", help="picture to compare with in the page")
+    group.add_argument(
+        "--port", type=option_values.whole("port"), default=0, metavar="N", help="default: any free one"
+    )
+    group.add_argument("--no-browser", action="store_true", help="only print the address")
+    group.add_argument(
+        "--threads", type=option_values.whole("threads"), metavar="N", help="number of threads (default: all)"
+    )
+
+
 def _add_denoise(parser: Parser) -> None:
     parser.add_argument("picture", type=Path, metavar="PICTURE", help="picture; - reads standard input")
     _add_output(parser, default="", required=True)
@@ -530,8 +558,8 @@ def _add_completion(parser: Parser) -> None:
     )
 
 
-def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -> str:
-    """The command that repeats one sample of this render."""
+def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int | None = None) -> str:
+    """The command that repeats one sample of a pixel of this render, or all of them."""
     words = ["lajolla", "render", str(arguments.scene)]
     words += [word for name, value in arguments.parameters for word in ("-D", f"{name}={value}")]
     if arguments.size:
@@ -545,4 +573,9 @@ def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int) -
         words += ["--two-sided"]
     if arguments.hide_emitters:
         words += ["--hide-emitters"]
-    return shlex.join([*words, "--pixel", f"{x},{y}", "--sample", str(sample)])
+    words += ["--pixel", f"{x},{y}"]
+    if sample is not None:
+        words += ["--sample", str(sample)]
+    elif arguments.spp is not None:
+        words += ["--spp", str(arguments.spp)]
+    return shlex.join(words)

@@ -58,6 +58,13 @@ def _run_command(arguments: argparse.Namespace) -> int:
     return code
 
 
+def command_view(arguments: argparse.Namespace) -> int:
+    from lajolla.viewer.command import view  # here, as other commands need no server
+
+    arguments.previous = render_command.Previous()  # for files that have not changed
+    return view(arguments, lambda: render_command.load(arguments))
+
+
 def command_denoise(arguments: argparse.Namespace) -> int:
     lajolla.denoising.check_available()
     outputs = lajolla.outputs.outputs_of(arguments)
@@ -206,6 +213,7 @@ def command_completion(arguments: argparse.Namespace) -> int:
 COMMANDS = {
     "render": render_command.command_render,
     "batch": render_command.command_batch,
+    "view": command_view,
     "denoise": command_denoise,
     "check": command_check,
     "convert": command_convert,

@@ -16,6 +16,7 @@ LIMITS: dict[str, tuple[tuple[int, int], ...]] = {
     "size": ((1, LARGEST),) * 2,
     "crop": ((0, LARGEST), (0, LARGEST), (1, LARGEST), (1, LARGEST)),
     "pixel": ((0, LARGEST),) * 2,
+    "port": ((0, 65535),),
     "sample": ((0, MOST_SAMPLES - 1),),
 }
 

@@ -38,9 +38,6 @@ OUTPUT = ("integrator", "other_integrators", "channels")  # entries of a descrip
 class Scene:
     """A scene ready to be rendered; made by `load` and `load_dict`."""
 
-    core: _core.Scene
-    description: Description  # what `core` was built from
-
     def __init__(
         self,
         description: Description,

@@ -84,6 +84,10 @@ class Progress:
         return self.seconds * (1 - self.fraction) / self.fraction if self.fraction else math.inf
 
 
+class RenderCancelled(RuntimeError):
+    """The accumulator of a rendering was cancelled, from another thread."""
+
+
 class Rendering:
     """A render in progress: passes of samples are added until a stop rule is met.
 
@@ -172,7 +176,7 @@ class Rendering:
         finally:
             self.seconds = time.perf_counter() - start
         if not task.result():
-            raise RuntimeError("the rendering was cancelled")
+            raise RenderCancelled("the rendering was cancelled")
         observe(Progress(self.samples, self.seconds, self.rules, self.noise))
 
     def _even_passes(self, spp: int) -> Iterator[Counts]:

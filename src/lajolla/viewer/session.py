@@ -1,0 +1,319 @@
+"""The viewer's render loop: a thread that renders one view of the scene after the other."""
+
+from __future__ import annotations
+
+import threading
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from lajolla import _core
+from lajolla.aovs import IDS
+from lajolla.colour import FloatImage
+from lajolla.limits import OptionError
+from lajolla.loaded_scene import Scene
+from lajolla.messages import LajollaWarning
+from lajolla.params import ParamError
+from lajolla.render import Progress, RenderCancelled, StopRules
+from lajolla.scene import SceneError
+from lajolla.viewer.facts import depth, scene_facts, view_facts
+from lajolla.viewer.pace import Pace
+from lajolla.viewer.protocol import Message, Picture, event
+from lajolla.viewer.view import View, limits_of
+
+ALWAYS = 1e-9  # a relative error that is never reached; with it, errors are estimated
+INTERVALS = (0.1, 2.0)  # seconds between two pictures of the same view, at least and at most
+
+Listener: TypeAlias = Callable[["Picture | str"], None]
+Load: TypeAlias = Callable[["str | None"], Scene]
+REFUSALS = (SceneError, OptionError, ParamError, _core.DescriptionError)
+
+
+class Session:
+    """Renders a scene in a thread of its own, and tells a listener what there is to show.
+
+    Args:
+        load: reads the scene, with the integrator of a name if one is given.
+        rules: when the render of the picture ends. Without a number of samples: the scene's.
+        threads: of the renderer.
+        listener: called in the render's thread, with pictures and with messages for the page.
+
+    Attributes:
+        state: the last message of each type, for a page that comes later.
+        latest: the last picture.
+        changes: parameters that were changed, by path.
+        opened: is set when the scene was read for the first time, or could not be: then `failure` says why.
+    """
+
+    def __init__(self, load: Load, rules: StopRules, threads: int, listener: Listener) -> None:
+        self.load, self.rules, self.threads, self.listener = load, rules, threads, listener
+        self.state: dict[str, str] = {}
+        self.latest: Picture | None = None
+        self.view: View | None = None
+        self.changes: dict[str, Any] = {}
+        self.integrator: str | None = None  # that was chosen instead of the scene's
+        self.opened = threading.Event()
+        self.failure: Exception | None = None
+        self._layer = ""
+        self._paused = False
+        self._closed = False
+        self._pace = Pace()
+        self._seen = False  # whether there is a picture of the present view and layer
+        self._pictures = 0
+        self._changed = threading.Condition()
+        self._pending: list[Message] = []
+        self._running: _core.Render | None = None  # what a new message cancels
+        self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
+
+    def start(self) -> None:
+        """Reads the scene and renders it."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends the render."""
+        self._closed = True
+        self.post(Message("pause", {}))
+        self._thread.join()
+
+    def post(self, message: Message) -> None:
+        """Makes a change, from any thread. A view ends at once if there is a picture of it."""
+        with self._changed:
+            self._pending.append(message)
+            if self._running is not None:
+                self._running.cancel()
+            self._changed.notify()
+
+    # --- changes ------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            self._open({})
+        except Exception as problem:
+            self.failure = problem
+        self.opened.set()
+        while not self._closed:
+            is_done = self.view is None or self._paused or self._render(self.view)
+            with self._changed:
+                if is_done:
+                    self._changed.wait_for(lambda: self._pending)
+                messages, self._pending = merged(self._pending), []
+            for message in messages:
+                self._handle(message)
+
+    def _handle(self, message: Message) -> None:
+        """Calls the function for a type of message: `_edit` for "edit"."""
+        try:
+            with warnings.catch_warnings(record=True) as found:
+                warnings.simplefilter("always", LajollaWarning)
+                getattr(self, f"_{message.type}")(message)
+            for warning in found:
+                self._tell("noticed", message=str(warning.message))
+        except REFUSALS as problem:
+            self._tell("refused", message=str(problem))
+        except Exception as problem:  # a fault of ours: the viewer goes on with the scene that it has
+            self._tell("refused", message=f"{type(problem).__name__}: {problem}")
+
+    def _open(self, changes: Mapping[str, Any]) -> None:
+        """Reads the scene, and makes these changes, as far as it has such parameters."""
+        scene = self.load(self.integrator)
+        changes = {path: value for path, value in changes.items() if path in scene.params}
+        if changes:
+            scene = scene.with_params(changes)
+        self.changes = dict(changes)
+        self._look_at(scene)
+        assert self.view is not None
+        self._tell("opened", **scene_facts(self.view, self._layer))
+
+    def _reload(self, message: Message) -> None:
+        """Reads the scene again, whose file was changed; the camera stays where it is."""
+        try:
+            self._open({path: value for path, value in self.changes.items() if path.startswith("sensor.")})
+        except Exception as problem:
+            self._tell("failed", message=f"the scene could not be read: {problem}")
+
+    def _choose(self, message: Message) -> None:
+        """Another integrator."""
+        before, self.integrator = self.integrator, message["integrator"]
+        try:
+            self._open(self.changes)
+        except Exception:
+            self.integrator = before
+            raise
+
+    def _look_at(self, scene: Scene) -> None:
+        """Begins another view."""
+        number = 0 if self.view is None else self.view.number + 1
+        self.view = View(scene, number, self._rules(scene), self.threads)
+        self._seen = False
+        self.state.pop("failed", None)
+        self._tell("viewed", **view_facts(self.view))
+
+    def _rules(self, scene: Scene) -> StopRules:
+        """When the render of the picture ends: by itself if nothing was asked for."""
+        if self.rules.spp is None and self.rules.noise <= ALWAYS:
+            return replace(self.rules, spp=scene.core.sample_count)
+        return self.rules
+
+    def _change(self, values: Mapping[str, Any]) -> None:
+        scene = self._scene().with_params(values)
+        self.changes |= values
+        self._look_at(scene)
+
+    def _scene(self) -> Scene:
+        if self.view is None:
+            raise OptionError("the scene is not open")
+        return self.view.scene
+
+    def _edit(self, message: Message) -> None:
+        self._change(message["values"])
+
+    def _crop(self, message: Message) -> None:
+        left, top, width, height = message["window"] or (0, 0, 0, 0)
+        size = {"film.crop_width": width, "film.crop_height": height}
+        self._change({"film.crop_offset_x": left, "film.crop_offset_y": top, **size})
+
+    def _focus(self, message: Message) -> None:
+        scene = self._scene()
+        if "sensor.focus_distance" not in scene.params:
+            raise OptionError("the camera has no lens: only thinlens and telecentric have a focus")
+        found = depth(scene, message["x"], message["y"])
+        if found is None:
+            raise OptionError("there is nothing to focus on")
+        self._change({"sensor.focus_distance": found})
+
+    def _show(self, message: Message) -> None:
+        name = message["layer"]
+        if self.view is not None and name and name not in self.view.layers:
+            raise OptionError(f"there is no layer {name!r}")
+        self._seen = self._seen and self._layer == name
+        self._layer = name
+
+    def _limit(self, message: Message) -> None:
+        self.rules = replace(self.rules, spp=message["samples"])
+        if self.view is not None:
+            self.view.limit(self._rules(self.view.scene))
+
+    def _pause(self, message: Message) -> None:
+        self._paused = True
+        self._tell_progress("paused")
+
+    def _resume(self, message: Message) -> None:
+        self._paused = False
+
+    # --- rendering ----------------------------------------------------------------------------------------
+
+    def _render(self, view: View) -> bool:
+        """Renders until a stop rule is met, or something changes; False if it was cancelled."""
+        try:
+            if not self._seen:
+                self._preview(view)
+            if not (self._seen and self._pending):
+                self._accumulate(view)
+        except RenderCancelled:  # now, or by a message that came between two passes
+            return False
+        except Exception as problem:
+            self._tell("failed", message=f"the render ended: {type(problem).__name__}: {problem}")
+        finally:
+            with self._changed:
+                self._running = None
+        return True
+
+    def _preview(self, view: View) -> None:
+        """Pictures with few pixels; the first one is shown even if the view has changed meanwhile."""
+        for divisor in self._pace.divisors(self._layer, view.scene.width * view.scene.height):
+            if self._seen and self._pending:
+                return
+            start = time.perf_counter()
+            begun = self._cancellable if self._seen else lambda render: None
+            pixels = view.preview(self._layer, divisor, begun)
+            if pixels is None:
+                return
+            self._pace.measure(self._layer, pixels.shape[0] * pixels.shape[1], time.perf_counter() - start)
+            self._publish(view, pixels)
+
+    def _accumulate(self, view: View) -> None:
+        layer = self._layer
+        if layer in IDS:
+            self._publish(view, view.picture(layer))
+            return self._tell_progress("finished")
+        rendering = view.rendering(layer)
+        start = shown = time.perf_counter()
+        pixels, before = view.scene.width * view.scene.height, rendering.samples
+        if self._seen:
+            self._cancellable(rendering.accumulator)
+
+        def observe(progress: Progress) -> None:
+            nonlocal shown
+            now = time.perf_counter()
+            due = now - shown > min(max(INTERVALS[0], (now - start) / 8), INTERVALS[1])
+            if (due or not self._seen) and rendering.accumulator.counts.min() > 0:
+                self._pace.measure(layer, (rendering.samples - before) * pixels, now - start)
+                self._publish(view, view.picture(layer))
+                self._cancellable(rendering.accumulator)
+                shown = now
+            self._tell_progress("rendering", progress)
+
+        rendering.run(observe)
+        self._publish(view, view.picture(layer))
+        return self._tell_progress("finished")
+
+    def _cancellable(self, render: _core.Render) -> None:
+        """Lets messages cancel a render from now on; it is cancelled at once if there is one already."""
+        with self._changed:
+            self._running = render
+            if self._pending:
+                render.cancel()
+
+    # --- what the page is told ----------------------------------------------------------------------------
+
+    def _publish(self, view: View, pixels: FloatImage) -> None:
+        self._pictures += 1
+        limits = limits_of(self._layer, pixels)
+        self.latest = Picture(pixels, self._pictures, view.number, view.window, limits)
+        self._seen = True
+        self.listener(self.latest)
+
+    def _tell(self, type: str, **fields: object) -> None:
+        text = event(type, **fields)
+        if type not in ("refused", "noticed"):  # these are of the moment
+            self.state[type] = text
+        self.listener(text)
+
+    def _tell_progress(self, state: str, progress: Progress | None = None) -> None:
+        if self.view is None:
+            return
+        rendering = self.view.rendering(self._layer)
+        progress = progress or Progress(
+            rendering.samples, rendering.seconds, rendering.rules, rendering.noise
+        )
+        seconds = max(rendering.seconds, 1e-9)
+        pixels = self.view.scene.width * self.view.scene.height
+        self._tell(
+            "progress",
+            state=state,
+            picture=self._pictures,  # the last one; it may come later than this message
+            fraction=progress.fraction,
+            samples=progress.samples,
+            limit=rendering.rules.spp,
+            seconds=seconds,
+            seconds_left=progress.seconds_left,
+            samples_per_second=progress.samples * pixels / seconds,
+            rays_per_second=float(np.sum(rendering.accumulator.rays)) / seconds,
+            noise=rendering.noise,
+            nonfinite=rendering.accumulator.nonfinite,
+        )
+
+
+def merged(messages: list[Message]) -> list[Message]:
+    """The same changes, with edits that follow each other as one."""
+    result: list[Message] = []
+    for message in messages:
+        if result and message.type == result[-1].type == "edit":
+            values = {**result.pop()["values"], **message["values"]}
+            message = Message("edit", {"values": values})
+        result.append(message)
+    return result
