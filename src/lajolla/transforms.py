@@ -33,7 +33,8 @@ def translate(offset: Triple) -> Matrix:
 
 def scale(factors: float | Triple) -> Matrix:
     """Scales by one factor, or by one along each axis. Raises ValueError for other values."""
-    return transforms.scale(_three("factors", (factors,) * 3 if np.ndim(factors) == 0 else factors))
+    given = np.asarray(factors, np.float64)
+    return transforms.scale(_three("factors", np.full(3, given) if given.ndim == 0 else given))
 
 
 def rotate(axis: Triple, degrees: float) -> Matrix:
