@@ -194,6 +194,15 @@ def test_the_commands_of_jobs_are_printed(capsys: pytest.CaptureFixture[str]) ->
         ('scene = "sky.xml"\noutput = "{levle}.pfm"\nparameters = {level = 1}', "did you mean 'level'?"),
         ('scene = "sky.xml"\noutput = "{level:03}.pfm"\nparameters = {level = 1.5}', "no whole number"),
         ('scene = "sky.xml"\nparameters = 3', "parameters are a table"),
+        ("scene = 'sky.xml'\noutput = 'a.pfm'\nframes = [1, 2]", '"frames" takes one value, not [1, 2]'),
+        ("scene = 'sky.xml'\noutput = 'a.pfm'\nkeep-going = true", 'there is no option "keep-going"'),
+        ("scene = 'sky.xml'\noutput = 'a.pfm'\nno-adaptive = true", "did you mean 'adaptive'?"),
+        ("scene = 'sky.xml'\noutput = 'a.pfm'\nparameters = {level = []}", '"level" has no values'),
+        ("scene = 'sky.xml'\noutput = []", "needs a picture: output ="),
+        (
+            "[[job]]\nscene = 'sky.xml'\noutput = 'a.pfm'\n[[job]]\nscene = 'sky.xml'\noutput = 'x/../a.pfm'",
+            "job 2",
+        ),
         ("spp = 3\noutput = 'a.pfm'", 'needs a scene: scene = "FILE"'),
         ("spp = ", "Invalid value"),
         ("job = 3", "[[job]]"),
@@ -323,3 +332,24 @@ def test_consecutive_scenes_share_what_is_equal(monkeypatch: pytest.MonkeyPatch)
     Path("ball.xml").write_text(scene.replace("</scene>", '<shape type="cube"/></scene>'))
     lajolla.load("ball.xml", spp=4, reuse=previous)
     assert len(built) == 2
+
+
+def test_folders_of_frames_and_folders_with_braces(folder: Path) -> None:
+    odd = folder / "{x}"
+    odd.mkdir()
+    for frame in (1, 2):
+        (odd / f"f{frame}").mkdir()
+    (odd / "sky.xml").write_text(SCENE)
+    text = 'scene = "sky.xml"\nframes = "1-2"\noutput = ["f{frame}/a.pfm", "{{}}-{frame}.pfm"]'
+    (odd / "jobs.toml").write_text("\ufeff" + text, encoding="utf-8")
+    assert run("batch {x}/jobs.toml") == 0
+    found = {str(path.relative_to(odd)) for path in odd.rglob("*.pfm")}
+    assert found == {"f1/a.pfm", "f2/a.pfm", "{}-1.pfm", "{}-2.pfm"}
+
+
+def test_an_error_in_a_frame_of_a_job_does_not_end_the_others(capsys: pytest.CaptureFixture[str]) -> None:
+    job = 'scene = "sky.xml"\nframes = "0-2"\noutput = "a.pfm"\nparameters = {level = "{frame}"}'
+    Path("jobs.toml").write_text(job.replace('"{frame}"', '"{frame}x"'))
+    assert run("batch jobs.toml --keep-going") == 1
+    error = capsys.readouterr().err
+    assert [f"job 1, frame {frame} failed" in error for frame in range(3)] == [True] * 3

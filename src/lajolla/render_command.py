@@ -261,9 +261,10 @@ def command_batch(arguments: argparse.Namespace) -> int:
         except UsageError as problem:
             raise UsageError(f"{arguments.jobs}: job {number}: {problem}") from None
         job.keep_partial = False
-        job.keep_going = arguments.keep_going
         renders.append(lajolla.series.Render(f"job {number}", job))
-    return _render_each(renders, keep_going=arguments.keep_going) if renders else 0
+    if not renders:
+        return 0
+    return _render_each(lajolla.series.all_frames(renders), keep_going=arguments.keep_going)
 
 
 @dataclass

@@ -3,6 +3,7 @@
 import argparse
 import itertools
 import math
+import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -14,9 +15,10 @@ from lajolla.arguments import STREAMS, Parser, UsageError, build_parser
 from lajolla.messages import suggestion
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-PLACEHOLDER = re.compile(r"\{(\w+)(?::(0?\d+))?\}")
+PLACEHOLDER = re.compile(r"\{\{|\}\}|\{(\w+)(?::(0?\d+))?\}")
 PATHS = ("scene", "output", "stats", "checkpoint", "resume")  # options of files, relative to the job file
 OWN_KEYS = ("scene", "parameters", "job")
+NOT_IN_JOBS = ("keep-going", "pixel", "sample")  # options of a whole batch, or that write no picture
 MOST_RENDERS = 1_000_000
 
 
@@ -93,13 +95,16 @@ def _at(text: str, values: Mapping[str, int], position: float) -> str:
 def filled(text: str, values: Mapping[str, object], later: Sequence[str] = ()) -> str:
     """A text with values in place of {name}, and of {name:04}, which fills whole numbers up with zeros.
 
-    The names in `later` are left as they are. Raises UsageError for other names.
+    {{ and }} are braces. If some names are to be filled in later, they and such braces are left as they are.
+    Raises UsageError for other names.
     """
 
     def value(found: re.Match[str]) -> str:
         name, width = found.groups()
-        if name in later:
+        if name in later or (later and name is None):
             return found[0]
+        if name is None:
+            return found[0][0]
         if name not in values:
             raise UsageError(f"{text}: there is no {{{name}}}{suggestion(name, [*values, *later])}")
         if width is None:
@@ -124,22 +129,29 @@ def _with_files(
     return result
 
 
+def all_frames(renders: Iterable[Render]) -> list[Render]:
+    """The same renders, with one for each frame in place of those of several."""
+    result = []
+    for render in renders:
+        if render.arguments.frames is None:
+            result.append(render)
+        else:
+            frames = for_each_frame(render.arguments)
+            result += [Render(f"{render.name}, {each.name}", each.arguments) for each in frames]
+    return result
+
+
 def check_distinct(renders: Iterable[Render]) -> None:
     """Raises UsageError if two renders of a series write the same file."""
-    writers: dict[Path, str] = {}
+    writers: dict[str, str] = {}
     for render in renders:
-        if render.arguments.frames is not None:
-            parts = [
-                Render(f"{render.name}, {each.name}", each.arguments)
-                for each in for_each_frame(render.arguments)
-            ]
-        else:
-            parts = [render]
-        for name, arguments in ((part.name, part.arguments) for part in parts):
-            for path in [*(arguments.outputs or []), *filter(None, (arguments.stats, arguments.checkpoint))]:
-                if path in writers and not _is_stream(path):
-                    raise UsageError(f"{path} is written by {writers[path]} and {name}")
-                writers[path] = name
+        arguments = render.arguments
+        for path in filter(None, [*(arguments.outputs or []), arguments.stats, arguments.checkpoint]):
+            if _is_stream(path):
+                continue
+            first = writers.setdefault(os.path.abspath(path), render.name)
+            if first != render.name:
+                raise UsageError(f"{path} is written by {first} and {render.name}")
 
 
 def _refuse_devices(arguments: argparse.Namespace, option: str, count: int) -> None:
@@ -177,7 +189,7 @@ def jobs_of(path: Path) -> list[list[str]]:
     else:
         import tomli as tomllib
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as problem:
         raise UsageError(f"{path}: cannot be read: {problem.strerror or problem}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
@@ -208,6 +220,9 @@ def _command_lines(where: str, folder: Path, options: dict[str, Any]) -> Iterato
     if not isinstance(scene, str):
         raise UsageError(f'{where}: needs a scene: scene = "FILE"')
     choices = [value if isinstance(value, list) else [value] for value in parameters.values()]
+    if not all(choices):
+        empty = next(name for name, value in parameters.items() if value == [])
+        raise UsageError(f'{where}: the parameter "{empty}" has no values')
     if (count := math.prod(map(len, choices))) > MOST_RENDERS:
         raise UsageError(f"{where}: {count} combinations of parameters are more than {MOST_RENDERS}")
     render = build_parser()[1]["render"]
@@ -226,7 +241,7 @@ def _command_lines(where: str, folder: Path, options: dict[str, Any]) -> Iterato
             ]
         except UsageError as problem:
             raise UsageError(f"{where}: {problem}") from None
-        if "output" not in options:
+        if not options.get("output"):
             raise UsageError(f'{where}: needs a picture: output = "FILE"')
 
 
@@ -247,18 +262,22 @@ def _words(
         elif f"--no-{name}" in action.option_strings:
             yield f"--no-{name}"
         return
+    if isinstance(value, list) and not isinstance(action, argparse._AppendAction):
+        raise UsageError(f'"{name}" takes one value, not {value!r}')
     for each in value if isinstance(value, list) else [value]:
         text = _text(name, each)
         if name in PATHS and text not in STREAMS:
-            text = str(folder / filled(text, values, later))
+            literal = str(folder).replace("{", "{{").replace("}", "}}") if later else str(folder)
+            text = str(Path(literal, filled(text, values, later)))
         yield f"--{name}={text}"
 
 
 def _action(parser: Parser, name: str) -> argparse.Action:
     """The option of a name; raises UsageError."""
     actions = {option: action for action in parser._actions for option in action.option_strings}
-    names = [option[2:] for option in actions if option.startswith("--") and option != "--help"]
-    if name not in names or name.startswith("no-"):
+    names = [option[2:] for option in actions if option.startswith("--") and not option.startswith("--no-")]
+    names = [known for known in names if known not in ("help", *NOT_IN_JOBS)]
+    if name not in names:
         raise UsageError(f'there is no option "{name}"{suggestion(name, [*names, *OWN_KEYS])}')
     return actions[f"--{name}"]
 

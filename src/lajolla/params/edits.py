@@ -123,7 +123,7 @@ class Edits:
         """Changes the size of the film, of which the whole is rendered then."""
         try:
             width, height = (int(v) for v in np.asarray(value).tolist())
-            if not np.array_equal(value, (width, height)):  # type: ignore[arg-type]
+            if not np.array_equal(np.asarray(value), (width, height)):
                 raise ValueError
         except (TypeError, ValueError, OverflowError):
             message = "a size is two whole numbers: width and height"
