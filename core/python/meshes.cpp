@@ -35,6 +35,7 @@ struct LoadedMesh : Mesh {
     std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t>> groups;
     std::vector<std::string> material_libraries;
     bool face_normals = false, mended = false;
+    bool computed_normals = false; // by `with_vertex_normals`, and not the file's
 };
 
 template <std::size_t N, class Elements, class T>
@@ -147,7 +148,9 @@ std::shared_ptr<LoadedMesh> smoothed(const LoadedMesh &mesh, float max_angle_deg
 std::shared_ptr<LoadedMesh> with_normals(const LoadedMesh &mesh, nb::handle to_world) {
     Transform matrix;
     read_value(to_world, matrix, "to_world");
-    return changed(mesh, with_vertex_normals(mesh, matrix));
+    const auto result = changed(mesh, with_vertex_normals(mesh, matrix));
+    result->computed_normals = true;
+    return result;
 }
 
 std::shared_ptr<LoadedMesh> part(const LoadedMesh &mesh, std::size_t first, std::size_t count) {
@@ -155,6 +158,7 @@ std::shared_ptr<LoadedMesh> part(const LoadedMesh &mesh, std::size_t first, std:
         throw nb::index_error("there are not that many faces");
     auto result = std::make_shared<LoadedMesh>();
     static_cast<Mesh &>(*result) = part_of(mesh, first, count);
+    result->computed_normals = mesh.computed_normals;
     return result;
 }
 
@@ -162,7 +166,7 @@ using MeshArrays = std::tuple<Table<float, 3>, Table<std::uint32_t, 3>, std::opt
                               std::optional<Table<float, 2>>>;
 using AttributeState = std::tuple<bool, nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>>;
 using MeshState = std::tuple<MeshArrays, std::map<std::string, AttributeState>, decltype(LoadedMesh::groups),
-                             decltype(LoadedMesh::material_libraries), bool, bool>;
+                             decltype(LoadedMesh::material_libraries), bool, bool, bool>;
 
 nb::tuple mesh_state(nb::handle self) {
     const auto &mesh = nb::cast<const LoadedMesh &>(self);
@@ -174,11 +178,12 @@ nb::tuple mesh_state(nb::handle self) {
         rows_of<float, 3>(self, mesh.positions), rows_of<std::uint32_t, 3>(self, mesh.triangles),
         rows_or_none<float, 3>(self, mesh.normals), rows_or_none<float, 2>(self, mesh.uvs));
     return nb::make_tuple(arrays, attribute_states, mesh.groups, mesh.material_libraries, mesh.face_normals,
-                          mesh.mended);
+                          mesh.mended, mesh.computed_normals);
 }
 
 void restore_mesh(LoadedMesh &mesh, const MeshState &state) {
-    const auto &[arrays, attribute_states, groups, material_libraries, face_normals, mended] = state;
+    const auto &[arrays, attribute_states, groups, material_libraries, face_normals, mended, computed] =
+        state;
     const auto made = std::apply([](const auto &...a) { return make_mesh(a..., {}); }, arrays);
     for (const auto &[name, attribute] : attribute_states) {
         const auto &[per_face, values] = attribute;
@@ -191,6 +196,7 @@ void restore_mesh(LoadedMesh &mesh, const MeshState &state) {
     made->material_libraries = material_libraries;
     made->face_normals = face_normals;
     made->mended = mended;
+    made->computed_normals = computed;
     new (&mesh) LoadedMesh(std::move(*made));
 }
 
@@ -286,6 +292,8 @@ void bind_meshes(nb::module_ &m) {
         .def_ro("mended", &LoadedMesh::mended,
                 "Whether the file has concave polygons or lacks values: other programs may make something "
                 "else of it.")
+        .def_ro("computed_normals", &LoadedMesh::computed_normals,
+                "Whether its normals come from `with_vertex_normals`, and not from a file.")
         .def("__getstate__", &mesh_state)
         .def("__setstate__", &restore_mesh);
 

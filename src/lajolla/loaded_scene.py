@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -60,14 +61,15 @@ class Scene:
         self._places = description.places
         self.film = description.film.with_alpha() if ALPHA in options.aovs else description.film
         self.aovs = tuple(options.aovs)
-        self._params: Params | None = None
+        self._params = Params(self.description, self._places)
+        self._updates = threading.RLock()  # of all copies: one update after another
         self.warnings: list[SceneWarning] = list(description.warnings)
         self.load_seconds = load_seconds  # reading files
         self.build_seconds = time.perf_counter() - start  # acceleration structures, light tables
 
     def __reduce__(self) -> tuple[object, ...]:
         """A pickle holds the description with its options; the scene is built when the pickle is loaded."""
-        kept = {"film": self.film, "aovs": self.aovs, "options": self.options}
+        kept = {"film": self.film, "aovs": self.aovs, "options": self.options, "_params": self._params}
         views = {name: view.without_places() for name, view in self.description.views.items()}
         return Scene, (replace(self.description, views=views), Options(), self.load_seconds), kept
 
@@ -88,8 +90,6 @@ class Scene:
     @property
     def params(self) -> Params:
         """All parameters by readable paths, such as "red.reflectance", to read; see `with_params`."""
-        if self._params is None:
-            self._params = Params(self.description, self._places)
         return self._params
 
     def __getitem__(self, path: str) -> Any:  # noqa: ANN401
@@ -102,7 +102,8 @@ class Scene:
 
     def update(self, values: Mapping[str, Any]) -> None:
         """Changes several parameters of this scene at once; see `with_params`."""
-        self.__dict__.update(self.with_params(values).__dict__)
+        with self._updates:
+            self.__dict__.update(self.with_params(values).__dict__)
 
     def with_params(self, values: Mapping[str, Any]) -> Scene:
         """The same scene with other values of some parameters.
@@ -123,16 +124,24 @@ class Scene:
             >>> scene.with_params({"red.reflectance": (0.6, 0.05, 0.05), "sensor.fov": 40.0})
         """
         check_mapping("values", values)
-        edits = self.params.edits(values)
+        before = self._as_it_is()
+        edits = before.params.edits(values)
         changes, core = edits.changes(), edits.description()
         try:
-            changed = self.core.with_changes(changes) or _core.Scene(core)
+            changed = before.core.with_changes(changes) or _core.Scene(core)
         except Exception as problem:
-            raise self.params.refusal(problem, changes) from None
+            raise before.params.refusal(problem, changes) from None
         for warning in edits.warnings:
             warn(warning)
-        result = self._copy(changed, core)
-        result._params = self.params.after(edits, result.description)
+        result = before._as_it_is()
+        result.core, result.description = changed, replace(before.description, core=core)
+        result._params = before.params.after(edits, result.description)
+        return result
+
+    def _as_it_is(self) -> Scene:
+        """The scene at one moment; another thread may change it in the next."""
+        result = Scene.__new__(Scene)
+        result.__dict__.update(self.__dict__)
         return result
 
     @property
@@ -169,8 +178,8 @@ class Scene:
         assert changed is not None  # the scene stays where it is
         result = self._copy(changed, {**self.description.core, **entries})
         objects = self.description.objects.with_plugins(entries, view.plugins)
-        result.description = replace(result.description, views=views, objects=objects)
         result._places = self._places.with_places(view.places)
+        result._describe(replace(result.description, views=views, objects=objects))
         result.film = view.film
         return result._with_alpha() if view.film.has_alpha or ALPHA in self.aovs else result
 
@@ -209,16 +218,19 @@ class Scene:
         if all(channel["label"] != "A" for channel in channels):
             core = {**core, "channels": [{"label": "A", "recorded": "alpha"}, *channels]}
             self.core = self.core.with_output(_output_of(core))
-            self.description = replace(self.description, core=core)
+            self._describe(replace(self.description, core=core))
         return self
 
     def _copy(self, core: _core.Scene, description: dict[str, Any]) -> Scene:
         """The same with another core, and the description of that."""
-        result = Scene.__new__(Scene)
-        result.__dict__.update(self.__dict__)
-        result.core, result._params = core, None
-        result.description = replace(self.description, core=description)
+        result = self._as_it_is()
+        result.core = core
+        result._describe(replace(self.description, core=description))
         return result
+
+    def _describe(self, description: Description) -> None:
+        self.description = description
+        self._params = self._params.of(description, self._places)
 
     @names_checked
     def intersect(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from typing import Any
@@ -17,7 +17,15 @@ from typing import Any
 from lajolla import _core
 from lajolla.messages import suggestion
 from lajolla.params.edits import Edits
-from lajolla.params.objects import MATERIAL, NO_OBJECTS, Lists, SceneObject, names_by_entry, objects_of
+from lajolla.params.objects import (
+    MATERIAL,
+    NO_OBJECTS,
+    Lists,
+    SceneObject,
+    names_by_entry,
+    objects_of,
+    place_of,
+)
 from lajolla.params.values import WITH_OBJECTS, mesh_array, mesh_names, readable
 from lajolla.scene import Description, Objects, Places, SceneError, reason_of
 from lajolla.scene.formats.mesh_arrays import ATTRIBUTES
@@ -71,12 +79,33 @@ class Params(Mapping[str, Any]):
         before: Mapping[str, SceneObject] = NO_OBJECTS,
         *,
         renamed: bool = True,
+        loaded: int | None = None,
     ) -> None:
-        """`before` are the objects before a change, after which they are `renamed` or the same."""
+        """The parameters of a description.
+
+        Args:
+            description: of the scene.
+            places: where its entries come from.
+            before: the objects before a change; they keep their names.
+            renamed: whether other objects may be there after the change.
+            loaded: how many textures there were before any change.
+        """
         self._lists = Lists(description.core)
         self._known: Objects = description.objects
         self._places = places or Places()
         self._before, self._renamed = before, renamed
+        self._loaded = self._lists.count("textures") if loaded is None else loaded
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A pickle holds neither places in files nor what follows from the rest."""
+        return {
+            "_lists": Lists(self._lists.core),
+            "_known": self._known,
+            "_places": Places(),
+            "_before": dict(self._before),
+            "_renamed": self._renamed,
+            "_loaded": self._loaded,
+        }
 
     @cached_property
     def objects(self) -> Mapping[str, SceneObject]:
@@ -107,6 +136,8 @@ class Params(Mapping[str, Any]):
         if param in SPECIAL:
             return self._special(entry, param)
         if param not in found.fields:
+            if param not in mesh_names(entry["mesh"]):
+                raise self._unknown(path, found)
             return mesh_array(entry["mesh"], param)
         field = found.fields[param]
         return self._value(field, entry.get(param, field.default))
@@ -146,15 +177,21 @@ class Params(Mapping[str, Any]):
         found = self.objects.get(self._aliases.get(name, name))
         if found is not None and self._has(found, param):
             return found, param
+        raise self._unknown(path, found)
+
+    def _unknown(self, path: str, found: SceneObject | None) -> ParamError:
+        name = str(path).rpartition(".")[0]
         known = [f"{name}.{p}" for p in self._params_of(found)] if found else list(self)
         hint = suggestion(str(path), known) if found or len(known) < 10000 else ""
-        raise ParamError(f"the scene has no parameter {path!r}{hint if len(hint) < 1000 else ''}")
+        return ParamError(f"the scene has no parameter {path!r}{hint if len(hint) < 1000 else ''}")
 
     def edits(self, values: Mapping[str, Any]) -> Edits:
         """The changes of some parameters. Raises ParamError, and SceneError for values that do not fit."""
-        edits = Edits(self._lists, self.objects)
-        for path, value in values.items():
-            found, param = self.find(path)
+        edits = Edits(self._lists, self.objects, self._known, self._loaded)
+        found_by = {path: self.find(path) for path in values}
+        textures_first = sorted(found_by.items(), key=lambda item: item[1][0].kind != "texture")
+        for path, (found, param) in textures_first:  # others depend on their ranges
+            value = values[path]
             if param == "size":
                 edits.set_size(found, value, path)
             elif param == "bsdf" and found.kind == "shape":
@@ -169,7 +206,20 @@ class Params(Mapping[str, Any]):
 
     def after(self, edits: Edits, description: Description) -> Params:
         """The parameters of the description that the edits made."""
-        return Params(description, self._places, self.objects, renamed=edits.refers_anew)
+        before = self.objects
+        if edits.moved or edits.replaced:
+            before = {
+                name: replace(found, entry=f"textures[{edits.moved[at]}]") if at in edits.moved else found
+                for name, found in self.objects.items()
+                if (at := _texture(found)) not in edits.replaced
+            }
+        return Params(description, self._places, before, renamed=edits.refers_anew, loaded=self._loaded)
+
+    def of(self, description: Description, places: Places) -> Params:
+        """The parameters of the same scene with another camera or other outputs."""
+        if self._before is NO_OBJECTS:
+            return Params(description, places)
+        return Params(description, places, self.objects, loaded=self._loaded)
 
     def refusal(self, problem: Exception, changes: Mapping[str, Any]) -> SceneError:
         """The error to raise when the core refuses changes: the core's message with an object's name."""
@@ -239,6 +289,11 @@ class Params(Mapping[str, Any]):
 
     def _name(self, where: str, index: int) -> str | None:
         return self._names.get(f"{where}[{index}]")
+
+
+def _texture(found: SceneObject) -> int:
+    """The number of a texture; -1 for other objects."""
+    return place_of(found.entry)[1] if found.kind == "texture" else -1
 
 
 MOST_SHOWN = 1000

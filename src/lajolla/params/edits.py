@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from lajolla import _core
-from lajolla.params.objects import KINDS, MATERIAL, Lists, SceneObject, place_of
-from lajolla.params.values import WITH_OBJECTS, with_arrays
-from lajolla.scene import SceneError, SceneWarning
+from lajolla.params.objects import KINDS, MATERIAL, Entry, Lists, SceneObject, place_of, rows_in
+from lajolla.params.textures import (
+    USERS,
+    arranged,
+    dependents,
+    is_texture,
+    reached,
+    renumbered,
+    textures_in,
+    unclamped,
+    unused,
+)
+from lajolla.params.values import WITH_OBJECTS, placed, with_arrays
+from lajolla.scene import Objects, SceneError, SceneWarning
 from lajolla.scene.editing import Editor
-from lajolla.scene.schema import Field
+from lajolla.scene.schema import TEXTURED, Field
+from lajolla.scene.syntax.transforms import turns_over
 
 # Entries are changed before those that refer to them.
 ORDER = ("textures", "bsdfs", "adapters", "materials", "volumes", "phases", "media")
@@ -23,14 +35,27 @@ SLOT = ("material", "interior", "exterior")  # what a shape refers to
 class Edits:
     """Collects changes: the entries that differ, and then the description with them."""
 
-    def __init__(self, lists: Lists, objects: Mapping[str, SceneObject]) -> None:
+    def __init__(self, lists: Lists, objects: Mapping[str, SceneObject], known: Objects, loaded: int) -> None:
+        """
+        Args:
+            lists: the description.
+            objects: its objects by name.
+            known: where they come from.
+            loaded: how many textures the description had when it was loaded; these are kept.
+        """
         self._lists = lists
         self._objects = objects
         self._editor = Editor(lists.core.get("textures", ()))
+        self._known = known
+        self._loaded = loaded
         self._entries: dict[str, dict[str, Any]] = {}
-        self._arrays: dict[
-            str, tuple[str, dict[str, Any]]
-        ] = {}  # of meshes by entry, with a path for messages
+        # Arrays of meshes by entry, with a path for messages.
+        self._arrays: dict[str, tuple[str, dict[str, Any]]] = {}
+        self._paths: dict[str, str] = {}  # of entries, for messages
+        self._new_materials: dict[int, dict[str, Any]] = {}  # by index
+        self._rebound: set[int] = set()  # textures whose values may have other bounds
+        self.moved: dict[int, int] = {}  # textures that have another place
+        self.replaced: set[int] = set()  # places of textures that others have taken
         self._touched: dict[str, set[str]] = {}  # names of an entry's fields that differ
 
     @property
@@ -41,7 +66,7 @@ class Edits:
     @property
     def refers_anew(self) -> bool:
         """Whether any object refers to another one than before."""
-        return self._refers or bool(self._editor.added_textures)
+        return self._refers
 
     _refers = False
 
@@ -52,14 +77,42 @@ class Edits:
             SceneError: the value is of another type or out of range.
         """
         if field.type == MATERIAL:
-            new: Any = self._material(value, path)
+            new: Any = self._inner_material(found, value, path)
         elif field.type == "phase":
             new = self._index("phase", value, path)
         else:
             given = self._reference(field, value, path)
-            new = self._editor.value(found.kind, found.model, field, given, path)
+            new = self._current(found, field, given)
+            if new is None:
+                new = self._editor.value(found.kind, found.model, field, given, path)
             self._refers |= field.type in WITH_OBJECTS
+        if found.kind == "texture":
+            self._check_contents(found, new, path)
         self._put(found, field.name, new)
+        self._paths[found.entry] = path
+        if f"has_{field.name}" in found.fields:  # as the reader notes it
+            self._put(found, f"has_{field.name}", True)
+
+    def _current(self, found: SceneObject, field: Field, given: object) -> Any:  # noqa: ANN401
+        """The value that a field has, if that refers to the given texture; else None."""
+        entry: Any = self._entries.get(found.entry) or self._lists.entry(found.entry)
+        for inner in found.inner:
+            entry = entry[inner]
+        use, textures = entry.get(field.name), self._editor.textures
+        same = is_texture(given) and is_texture(use) and unclamped(textures, use) == given
+        return use if same else None
+
+    def _check_contents(self, found: SceneObject, value: object, path: str) -> None:
+        if place_of(found.entry)[1] in reached(self._editor.textures, textures_in(value)):
+            raise SceneError("a texture cannot contain itself", self._editor.location(path))
+
+    def _inner_material(self, found: SceneObject, value: object, path: str) -> int | dict[str, int]:
+        """A bsdf in an adapter, which is made of what comes before it."""
+        new = self._material(value, path)
+        if isinstance(new, dict) and new["adapter"] >= place_of(found.entry)[1]:
+            message = f'"{value}" comes after "{found.name}" in the scene and cannot be put into it'
+            raise SceneError(message, self._editor.location(path))
+        return new
 
     def set_array(self, found: SceneObject, name: str, value: object, path: str) -> None:
         """Changes one of a mesh's arrays."""
@@ -70,7 +123,9 @@ class Edits:
         """Changes the size of the film, of which the whole is rendered then."""
         try:
             width, height = (int(v) for v in np.asarray(value).tolist())
-        except (TypeError, ValueError):
+            if not np.array_equal(np.asarray(value), (width, height)):
+                raise ValueError
+        except (TypeError, ValueError, OverflowError):
             message = "a size is two whole numbers: width and height"
             raise SceneError(message, self._editor.location(path)) from None
         entry = self._entry(found.entry)
@@ -81,15 +136,44 @@ class Edits:
             self._put(found, name, self._editor.value("film", "film", field, number, path))
 
     def set_bsdf(self, found: SceneObject, value: object, path: str) -> None:
-        """Makes a shape look like another bsdf of the scene, on both sides as where that is used."""
+        """Makes a shape look like another bsdf of the scene, on both sides as where that is used.
+
+        Raises:
+            SceneError: there is no such bsdf, or it is used with several others on the back.
+        """
+        index = self._material_index(found, value, path)
+        if index != self._lists.entry(found.entry).get("material", -1):
+            self._put(found, "material", index)
+            self._refers = True
+
+    def _material_index(self, found: SceneObject, value: object, path: str) -> int:
+        """The index of the material of a bsdf or of another shape, "ball.bsdf"."""
+        shape = self._objects.get(str(value).removesuffix(".bsdf"))
+        like = -1
+        if shape is not None and shape.kind == "shape" and str(value).endswith(".bsdf"):
+            like = self._lists.entry(shape.entry).get("material", -1)
+        if like >= 0 and value not in self._objects:
+            return like
         front = self._material(value, path)
-        materials = self._lists.core["materials"]
-        backs = (m["back"] for m in materials if not hasattr(m["front"], "row") and m["front"] == front)
-        entry = {"front": front, "back": next((b for b in backs if not hasattr(b, "row")), -1)}
-        index = self._lists.count("materials") + sum(k.startswith("materials") for k in self._entries)
-        self._entries[f"materials[{index}]"] = entry
-        self._put(found, "material", index)
-        self._refers = True
+        alike = self._lists.materials_of(front)
+        known = [self._lists.entry(found.entry).get("material", -1), like]
+        known += [index for index in alike if self._lists.entry(f"materials[{index}]")["back"] == -1]
+        index = next((index for index in known if index in alike), alike[0] if len(alike) == 1 else -1)
+        if index >= 0:
+            return index
+        if alike:
+            users = (other for other in self._objects.values() if other.kind == "shape")
+            names = [f'"{s.name}.bsdf"' for s in users if self._lists.entry(s.entry).get("material") in alike]
+            message = (
+                f'"{value}" has other sides on several shapes; name one of them: {", ".join(names[:12])}'
+            )
+            raise SceneError(message, self._editor.location(path))
+        entry = {"front": front, "back": -1}
+        index = next((i for i, other in self._new_materials.items() if other == entry), -1)
+        if index < 0:
+            index = self._lists.count("materials") + len(self._new_materials)
+            self._entries[f"materials[{index}]"] = self._new_materials[index] = entry
+        return index
 
     def set_medium(self, found: SceneObject, name: str, value: object, path: str) -> None:
         """Sets the medium inside or outside of a shape, or that in which the camera is."""
@@ -138,27 +222,126 @@ class Edits:
             entry[inner] = dict(entry[inner])
             entry = entry[inner]
         entry[name] = value
+        if found.kind == "texture" and self._editor.put_texture(index := place_of(found.entry)[1], entry):
+            self._rebound.add(index)
 
-    def _finish_meshes(self) -> None:
-        for name, (path, arrays) in self._arrays.items():
-            entry = self._entry(name)
-            try:
-                entry["mesh"] = with_arrays(entry["mesh"], arrays, entry.get("to_world", np.eye(4)))
-            except (TypeError, ValueError) as problem:
-                reason = str(problem).partition("\n")[0]
-                raise SceneError(reason, self._editor.location(path)) from None
+    def _finish_film(self) -> None:
+        """A window that is the whole film stays that, as when a scene is loaded."""
+        touched, before = self._touched.get("film", set()), self._lists.entry("film")
+        for side, offset, crop in (
+            ("width", "crop_offset_x", "crop_width"),
+            ("height", "crop_offset_y", "crop_height"),
+        ):
+            entry = self._entries.get("film", {})
+            whole = crop in before and before.get(offset, 0) + before[crop] == before[side]
+            if side in touched and crop in entry and crop not in touched and whole:
+                entry[crop] = entry[side] - entry.get(offset, 0)
+
+    def _finish_shapes(self) -> None:
+        for name, touched in list(self._touched.items()):
+            if name.startswith("shapes") and touched & {"to_world", "face_normals"}:
+                self._turn(name)
+        for name in self._entries:
+            if "mesh" in self._entries[name]:
+                self._finish_mesh(name)
+
+    def _turn(self, name: str) -> None:
+        """A mirrored sphere is turned inside out, as by the reader."""
+        before, after, known = self._lists.entry(name), self._entries[name], self._known
+        is_sphere = "sphere" in (known.plugins.get(name), after["type"])
+        mirrored = turns_over(_matrix(before)) != turns_over(_matrix(after))
+        if is_sphere and known.mirrored and mirrored and "flip_normals" not in self._touched[name]:
+            after["flip_normals"] = not after.get("flip_normals", False)
+
+    def _finish_mesh(self, name: str) -> None:
+        before, entry = self._lists.entry(name), self._entries[name]
+        path, arrays = self._arrays.get(name, (self._paths.get(name, name), {}))
+        try:
+            if arrays:
+                entry["mesh"] = with_arrays(entry["mesh"], arrays, _matrix(before), _matrix(entry))
+            touched = self._touched.get(name, set())
+            smooth = "face_normals" in touched and not entry["face_normals"] and "normals" not in arrays
+            entry["mesh"] = placed(entry["mesh"], _matrix(before), _matrix(entry), smooth=smooth)
+        except (TypeError, ValueError) as problem:
+            reason = str(problem).partition("\n")[0]
+            raise SceneError(reason, self._editor.location(path)) from None
+        if entry["mesh"] is not before["mesh"]:
             self._touched.setdefault(name, set()).add("mesh")
 
+    # Textures
+
+    def _finish_textures(self) -> None:
+        """Brings changed textures into the range of their users, and new ones behind those they refer to."""
+        if self._rebound:
+            self._clamp_users()
+        textures, count = self._editor.textures, self._lists.count("textures")
+        changed = self._entries.values()
+        new = [index for entry in changed for index in textures_in(entry) if index >= count]
+        if not new and not any(name.startswith("textures") for name in self._entries):
+            return
+        edited = {place_of(name)[1] for name in self._entries if name.startswith("textures")}
+        free = unused(self._lists, self._loaded, changed) - edited
+        numbers = arranged(textures, count, free, new)
+        self.moved = {index: at for index, at in numbers.items() if index < count}
+        self.replaced = {at for at in numbers.values() if at < count}
+        self._renumber(textures, numbers)
+
+    def _clamp_users(self) -> None:
+        dependent = dependents(self._editor.textures, self._rebound)
+        for found in sorted(self._objects.values(), key=lambda found: found.kind != "texture"):
+            entry: Any = self._entries.get(found.entry) or self._lists.entry(found.entry)
+            for inner in found.inner:
+                entry = entry[inner]
+            for field in found.fields.values():
+                use = entry.get(field.name)
+                if field.type in TEXTURED and is_texture(use) and use["texture"] in dependent:
+                    inside = unclamped(self._editor.textures, use)
+                    path = f"{found.name}.{field.name}"
+                    clamped = self._editor.in_range(found.kind, found.model, field, dict(inside), path)
+                    if clamped != use:
+                        self._put(found, field.name, clamped)
+
+    def _renumber(self, textures: Sequence[Entry], numbers: Mapping[int, int]) -> None:
+        """Writes textures at their new places, and these into all that refers to them."""
+        count = self._lists.count("textures")
+        for where in USERS if any(index < count for index in numbers) else ():
+            for first, stored in zip(
+                self._lists.firsts(where), self._lists.core.get(where, ()), strict=False
+            ):
+                if any(index in numbers for index in textures_in(stored)):
+                    for row in range(rows_in(stored)):
+                        self._entry(f"{where}[{first + row}]")
+        edited = set[int]()
+        for name, entry in list(self._entries.items()):
+            if name.startswith("textures"):
+                del self._entries[name]
+                edited.add(place_of(name)[1])
+            else:
+                self._entries[name] = renumbered(entry, numbers)
+        for index, texture in enumerate(textures):
+            stays = index < count and index not in self.replaced
+            refers = stays and any(inner in numbers for inner in textures_in(texture))
+            if index in edited or index in numbers or refers:
+                at = numbers.get(index, index)
+                self._entries[f"textures[{at}]"] = renumbered(texture, numbers)
+
     def changes(self) -> dict[str, dict[str, Any]]:
-        """What `_core.Scene.with_changes` takes. Raises SceneError if arrays of a mesh do not fit."""
-        self._finish_meshes()
-        first = self._lists.count("textures")
-        added = {f"textures[{first + i}]": entry for i, entry in enumerate(self._editor.added_textures)}
-        self._entries = {**added, **self._entries}
+        """What `_core.Scene.with_changes` takes.
+
+        Raises:
+            SceneError: arrays of a mesh do not fit.
+        """
+        self._finish_film()
+        self._finish_shapes()
+        self._finish_textures()
         rank = {where: number for number, where in enumerate(ORDER)}
-        ordered = sorted(self._entries, key=lambda name: rank.get(place_of(name)[0], len(ORDER)))
+
+        def order(name: str) -> tuple[int, int]:
+            where, index = place_of(name)
+            return rank.get(where, len(ORDER)), index
+
         result = {}
-        for name in ordered:
+        for name in sorted(self._entries, key=order):
             entry = self._entries[name]
             touched = self._touched.get(name, {"type"})
             if name.startswith("shapes") and touched <= set(SLOT):
@@ -193,6 +376,10 @@ class Edits:
             after = _rows(entry, columns, slice(row + 1, None))
             stored[at : at + 1] = [*before, changed[index], *after]
         return [*stored, *(changed[index] for index in sorted(changed) if index >= count)]
+
+
+def _matrix(entry: Entry) -> Any:  # noqa: ANN401
+    return np.asarray(entry.get("to_world", np.eye(4)), float)
 
 
 def _rows(entry: dict[str, Any], columns: list[str], rows: slice) -> list[dict[str, Any]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain, count
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
@@ -51,6 +52,10 @@ class SceneObject:
     entry: str
     inner: tuple[str, ...] = ()
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """A pickle holds no fields."""
+        return SceneObject, (self.name, self.kind, self.model, self.entry, self.inner)
+
     @cached_property
     def fields(self) -> dict[str, Field]:
         """The fields of its model, by name."""
@@ -93,6 +98,18 @@ class Lists:
         at = int(np.searchsorted(firsts, index, side="right")) - 1
         return at, index - int(firsts[at])
 
+    def materials_of(self, front: int | Mapping[str, int]) -> list[int]:
+        """The indices of the materials with this bsdf or adapter on the front."""
+        found: list[int] = []
+        for first, entry in zip(self.firsts("materials").tolist(), self.core["materials"], strict=False):
+            fronts = entry["front"]
+            if hasattr(fronts, "row"):
+                rows = np.flatnonzero(np.asarray(fronts.__getstate__()[0]) == front)
+                found += (first + rows).tolist()
+            elif fronts == front:
+                found += range(first, first + rows_in(entry))
+        return found
+
     def entry(self, name: str) -> Entry:
         """The entry of a name."""
         where, index = place_of(name)
@@ -126,7 +143,9 @@ def objects_of(
 class _Namer:
     def __init__(self, lists: Lists, known: Objects, before: Mapping[str, SceneObject]) -> None:
         self.lists = lists
-        self.ids = {**known.ids, **names_by_entry(before)}
+        self.ids = known.ids
+        self.kept = names_by_entry(before)
+        self.taken = set(self.kept.values())
         self.objects: dict[str, SceneObject] = {}
         self.named: set[str] = set()  # entries
         for where in SINGLE:
@@ -169,7 +188,7 @@ class _Namer:
         if entry.get("type") == "clamped":  # the reader's: a texture in the range of its field
             self.use(entry["texture"], suggested)
             return ""
-        name = self.unique(self.ids.get(entry_name, suggested))
+        name = self.kept.get(entry_name) or self.unique(self.ids.get(entry_name, suggested))
         self.add(name, KINDS[where], entry_name, entry)
         return name
 
@@ -198,9 +217,8 @@ class _Namer:
                     self.refer(where, value[kind], suggested)
 
     def unique(self, name: str) -> str:
-        if name not in self.objects:
-            return name
-        return next(n for i in range(2, len(self.objects) + 3) if (n := f"{name}_{i}") not in self.objects)
+        numbered = (f"{name}_{i}" for i in count(2))
+        return next(n for n in chain([name], numbered) if n not in self.objects and n not in self.taken)
 
 
 def names_by_entry(objects: Mapping[str, SceneObject]) -> dict[str, str]:

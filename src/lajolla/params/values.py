@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lajolla import _core
 from lajolla.colour import decode_srgb
+from lajolla.scene.description.plugins.meshes import frame_of_normals
 from lajolla.scene.formats.mesh_arrays import MESH_ARRAYS, mesh_of
 
 Values: TypeAlias = npt.NDArray[Any]
@@ -54,7 +55,7 @@ def mesh_names(mesh: _core.Mesh) -> list[str]:
     return [*MESH_ARRAYS, *mesh.attributes]
 
 
-def with_arrays(mesh: _core.Mesh, arrays: Mapping[str, Any], to_world: Any) -> _core.Mesh:  # noqa: ANN401
+def with_arrays(mesh: _core.Mesh, arrays: Mapping[str, Any], before: Values, after: Values) -> _core.Mesh:
     """A mesh with other arrays.
 
     Vertex normals are computed again, as they are for files without normals, if positions or triangles
@@ -63,7 +64,7 @@ def with_arrays(mesh: _core.Mesh, arrays: Mapping[str, Any], to_world: Any) -> _
     Args:
         mesh: has the other arrays.
         arrays: by the names of `mesh_names`, or those of new attributes; None removes.
-        to_world: how the mesh will be placed.
+        before, after: how the mesh was placed and will be.
 
     Raises:
         ValueError: shapes of the arrays do not fit together.
@@ -72,4 +73,40 @@ def with_arrays(mesh: _core.Mesh, arrays: Mapping[str, Any], to_world: Any) -> _
     moved = "positions" in arrays or "triangles" in arrays
     renew = moved and "normals" not in arrays and kept["normals"] is not None
     made = mesh_of({**kept, **({"normals": None} if renew else {}), **arrays})
-    return made.with_vertex_normals(np.asarray(to_world, float).tolist()) if renew else made
+    if renew:
+        return _smoothed(made, after)
+    return made if "normals" in arrays or not _is_smoothed(mesh, before) else _smoothed(made, before)
+
+
+def placed(mesh: _core.Mesh, before: Values, after: Values, *, smooth: bool) -> _core.Mesh:
+    """A mesh whose computed normals are those that it would have if it was loaded with another placement.
+
+    Args:
+        mesh: as it is before.
+        before, after: its placements.
+        smooth: computes normals if it has none.
+
+    Raises:
+        ValueError: they depend on triangles that are not in the mesh.
+    """
+    if mesh.normals is None:
+        return _smoothed(mesh, after) if smooth else mesh
+    same = np.array_equal(frame_of_normals(before), frame_of_normals(after))
+    if same or not mesh.computed_normals or _is_smoothed(mesh, after):
+        return mesh
+    if not _is_smoothed(mesh, before):
+        reason = "its vertex normals continue in other shapes of its file"
+        raise ValueError(f"{reason}; load the scene with this to_world")
+    return _smoothed(mesh, after)
+
+
+def _smoothed(mesh: _core.Mesh, to_world: Values) -> _core.Mesh:
+    return mesh.with_vertex_normals(frame_of_normals(to_world).tolist())
+
+
+def _is_smoothed(mesh: _core.Mesh, to_world: Values) -> bool:
+    """Whether its normals are computed, from its own triangles alone."""
+    if not mesh.computed_normals or mesh.normals is None:
+        return False
+    again = _smoothed(mesh, to_world).normals
+    return again is not None and np.array_equal(again, mesh.normals, equal_nan=True)

@@ -316,6 +316,7 @@ def _opened(tree: Tree, builder: Builder) -> Tree:
 def _describe(tree: Tree, builder: Builder) -> Description:
     with Blame(tree.root.location), np.errstate(all="ignore"):
         core = assemble(builder, tree.root)
+    builder.objects.mirrored = tree.root.unsaid.mirrored
     return Description(
         core,
         builder.diagnostics.warnings,

@@ -10,13 +10,14 @@ import numpy as np
 
 from lajolla import _core
 
+from .description.bounds import bounds_of
 from .description.builder import Builder, plugins_by_kind
 from .description.plugin import Entry, Use
 from .description.plugins.emitters import panorama
 from .description.plugins.textures import bitmap_image, pixels_from_python
 from .description.plugins.volumes import grid_values
 from .description.substitutes import SUBSTITUTES
-from .description.values import clamp_texture, convert
+from .description.values import clamp_texture, convert, in_range_of
 from .schema import TEXTURED, Field
 from .syntax.dict_reader import value_from_python
 from .syntax.errors import Blame, Diagnostics, Location, SceneWarning, Source
@@ -39,9 +40,18 @@ class Editor:
         return self._builder.diagnostics.warnings if self._seeded else []
 
     @property
-    def added_textures(self) -> list[Entry]:
-        """The textures that the values contain, to follow those of the description."""
-        return self._builder.textures.stored[len(self._textures) :] if self._seeded else []
+    def textures(self) -> Sequence[Entry]:
+        """The textures of the description, with their changes, and then those that the values contain."""
+        return self._builder.textures.stored if self._seeded else self._textures
+
+    def put_texture(self, index: int, entry: Entry) -> bool:
+        """Changes a texture of the description; whether the bounds of its values may differ then."""
+        builder = self._builder
+        before = bounds_of(builder, {"texture": index})
+        builder.textures.stored[index] = entry
+        for key in [key for key in builder.made if isinstance(key, tuple) and key[0] == "bounds"]:
+            del builder.made[key]
+        return bounds_of(builder, {"texture": index}) != before
 
     def location(self, path: str) -> Location:
         """What messages about a parameter begin with."""
@@ -63,15 +73,21 @@ class Editor:
         owner = Node(kind, model, location, location)
         with Blame(location, owner), np.errstate(all="ignore"):
             if _is_use(given):
-                prop = Property(field.name, owner, location, location)
                 if field.type not in TEXTURED:
                     return given
+                prop = Property(field.name, owner, location, location)
                 return clamp_texture(self._builder, owner, given, prop, field)
             if field.type == "image":
                 return self._image(owner, given)
             if field.type == "grid":
                 return given if isinstance(given, _core.Grid) else _core.Grid(grid_values(owner, given))
             return convert(self._builder, owner, self._property(field.name, given, path), field)
+
+    def in_range(self, kind: str, model: str, field: Field, use: Use, path: str) -> Use:
+        """A texture whose values are in the range of a field that has it already."""
+        location = self.location(path)
+        owner = Node(kind, model, location, location)
+        return in_range_of(self._builder, owner, use, Property(field.name, owner, location, location), field)
 
     @property
     def _builder(self) -> Builder:

@@ -74,6 +74,7 @@ class Objects:
     plugins: dict[str, str] = field(default_factory=dict)  # where they are not named like the core's model
     firsts: dict[str, str] = field(default_factory=dict)  # the first entry of the same object without an id
     inherited: dict[Node, str] = field(default_factory=dict)
+    mirrored: bool = True  # as in `Unsaid`
     _met: dict[Node, str] = field(default_factory=dict)
 
     def inherit(self, node: Node, names: Iterable[Node]) -> None:
@@ -96,7 +97,7 @@ class Objects:
         """The same with other plugins of some entries, which have no ids."""
         kept = {name: plugin for name, plugin in self.plugins.items() if name not in entries}
         ids = {name: known for name, known in self.ids.items() if name not in entries}
-        return Objects(ids, {**kept, **plugins}, self.firsts)
+        return replace(self, ids=ids, plugins={**kept, **plugins})
 
     def note(self, where: str, entry: Entry, node: Node) -> None:
         """Notes that an entry comes from this object."""

@@ -256,10 +256,16 @@ def _clamp(
 
 
 def clamp_texture(context: Context, owner: Node, value: Use, prop: Property, field: Field) -> Use:
-    """The texture, with its values brought into the field's range where they may leave it."""
+    """The texture as the field reads it, with values in the range of the field; see `in_range_of`."""
     node = prop.value if isinstance(prop.value, Node) else owner
     if field.type == "texture_float":
         value = _read_as_number(context, node, value)
+    return in_range_of(context, owner, value, prop, field)
+
+
+def in_range_of(context: Context, owner: Node, value: Use, prop: Property, field: Field) -> Use:
+    """The texture, with its values brought into the field's range where they may leave it."""
+    node = prop.value if isinstance(prop.value, Node) else owner
     (low, high), found = _limits(field), bounds_of(context, value)
     if found is not None:
         below = [f"below {low:g}"] if found[0] < low - 1e-4 else []

@@ -16,7 +16,7 @@ from ...schema import CHILDREN, Field
 from ...syntax.errors import Location, SceneError
 from ...syntax.files import identity
 from ...syntax.names import snake_case
-from ...syntax.nodes import Node
+from ...syntax.nodes import Array, Node
 from ...syntax.transforms import is_even, turns_over
 from ..plugin import Context, Entry, Part, Plugin, Values
 
@@ -86,12 +86,16 @@ def _with_normals(
     """
     if mesh.normals is not None or values.get("face_normals"):
         return key, mesh
-    matrix = np.array(values.get("to_world", np.eye(4)), float)
-    matrix[:3, 3] = 0  # angles are the same everywhere
-    if is_even(matrix, 1e-5) and not turns_over(matrix):  # angles and orientation stay
-        matrix = np.eye(4)
+    matrix = frame_of_normals(values.get("to_world", np.eye(4)))
     key = (*key, "normals", matrix.tobytes())
     return key, context.read(key, lambda: mesh.with_vertex_normals(matrix.tolist()))
+
+
+def frame_of_normals(to_world: Any) -> Array:  # noqa: ANN401
+    """The matrix in which vertex normals are computed for a placement of a mesh."""
+    matrix = np.array(to_world, float)
+    matrix[:3, 3] = 0  # angles are the same everywhere
+    return np.eye(4) if is_even(matrix, 1e-5) and not turns_over(matrix) else matrix  # angles and sides stay
 
 
 def _part(context: Context, key: tuple[Any, ...], mesh: Mesh, first: int, count: int) -> Mesh:
@@ -146,6 +150,9 @@ def _from_arrays(context: Context, node: Node, values: Values) -> Entry:
     if "mesh" in values:
         if given or attributes:
             raise SceneError(f"{node} takes a mesh or arrays, not both", node.location)
+        if values["mesh"].computed_normals:  # of another library's mesh
+            frame = frame_of_normals(values.get("to_world", np.eye(4)))
+            values["mesh"] = values["mesh"].with_vertex_normals(frame.tolist())
         return {"type": "mesh", **values}
     try:
         mesh = mesh_of({**given, **attributes})
