@@ -320,7 +320,7 @@ def test_mistakes_are_clear() -> None:
     for size in ((np.inf, 5), (32.7, 5.9), (np.nan, 1), (1, 2, 3)):
         with pytest.raises(lajolla.SceneError, match="two whole numbers"):
             scene["film.size"] = size
-    with pytest.raises(TypeError, match="dict of values by paths"):
+    with pytest.raises(TypeError, match="values must be a dict"):
         scene.update([("film.size", (4, 4))])  # type: ignore[arg-type]
 
 
