@@ -128,6 +128,17 @@ def test_the_sizes_of_halves(size: tuple[int, int], offset: tuple[int, int]) -> 
     np.testing.assert_array_equal(halves.pixels, halves.sums(np.ones(size[::-1])))
 
 
+def test_cost_follows_the_rays_of_a_sample() -> None:
+    """A tile has four cells, and fewer at the right and lower ends."""
+    halves = Halves(20, 18, (0, 0))
+    counts = np.full(halves.shape, 4, np.uint32)
+    counts[:2, :2] = 8
+    pixels = np.array([[16 * 16, 4 * 16], [16 * 2, 4 * 2]])
+    rays = np.array([[2, 3], [5, 7]]) * pixels * [[8, 4], [4, 4]]
+    cost = halves.cost(rays.astype(np.uint64), counts)
+    np.testing.assert_allclose(cost[..., 0], [[4, 4, 9], [4, 4, 9], [25, 25, 49]])
+
+
 @pytest.mark.parametrize("size", [(1, 1), (17, 33), (9, 1), (33, 33)])
 def test_cells_may_have_a_single_pixel(size: tuple[int, int]) -> None:
     """One of its halves is then empty."""

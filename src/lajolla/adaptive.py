@@ -63,11 +63,11 @@ class Halves:
         return found.reshape(self.shape)
 
     def cost(self, rays: NDArray[np.uint64], counts: Counts) -> NDArray[np.float64]:
-        """What a sample of each half costs, in any unit, from the rays of all tiles.
+        """What a sample costs in each cell, in any unit, from the rays of all tiles: (rows, columns, 1).
 
         A measured time would make pictures vary. Where paths have more rays, these also meet more detail and
-        take longer: the time of a tile grows with its rays to the power of 0.7 to 4.5, 1.6 in the median of
-        13 scenes.
+        take longer: the time of a row of tiles grows with its rays to the power of 0.75 to 4.5, 1.6 in the
+        median of 13 scenes.
         """
         samples = (counts * self.pixels).sum(axis=2)
         for axis in (0, 1):
@@ -150,7 +150,7 @@ class ErrorEstimate:
 
         Args:
             counts: the present numbers of samples.
-            cost: of a sample of each half, in any unit, as from `Halves.cost`.
+            cost: of a sample in each cell, in any unit, as from `Halves.cost`.
             most: samples per pixel, of all pixels in the mean, that must not be exceeded.
             noise: if given, the round is no larger than it must be for this relative error.
         """

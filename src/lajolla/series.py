@@ -149,7 +149,7 @@ def check_distinct(renders: Iterable[Render]) -> None:
         for path in filter(None, [*(arguments.outputs or []), arguments.stats, arguments.checkpoint]):
             if _is_stream(path):
                 continue
-            first = writers.setdefault(os.path.abspath(path), render.name)
+            first = writers.setdefault(os.path.realpath(path), render.name)
             if first != render.name:
                 raise UsageError(f"{path} is written by {first} and {render.name}")
 
