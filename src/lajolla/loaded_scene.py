@@ -134,7 +134,8 @@ class Scene:
         for warning in edits.warnings:
             warn(warning)
         result = before._as_it_is()
-        result.core, result.description = changed, replace(before.description, core=core)
+        result.core = changed
+        result.description = replace(before.description, core=core, objects=edits.known_after())
         result._params = before.params.after(edits, result.description)
         return result
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from typing import Any
@@ -19,12 +19,12 @@ from lajolla.messages import suggestion
 from lajolla.params.edits import Edits
 from lajolla.params.objects import (
     MATERIAL,
+    MATERIALS,
     NO_OBJECTS,
     Lists,
     SceneObject,
-    names_by_entry,
+    names_by_use,
     objects_of,
-    place_of,
 )
 from lajolla.params.values import WITH_OBJECTS, mesh_array, mesh_names, readable
 from lajolla.scene import Description, Objects, Places, SceneError, reason_of
@@ -79,7 +79,7 @@ class Params(Mapping[str, Any]):
         before: Mapping[str, SceneObject] = NO_OBJECTS,
         *,
         renamed: bool = True,
-        loaded: int | None = None,
+        loaded: Mapping[str, int] | None = None,
     ) -> None:
         """The parameters of a description.
 
@@ -88,13 +88,13 @@ class Params(Mapping[str, Any]):
             places: where its entries come from.
             before: the objects before a change; they keep their names.
             renamed: whether other objects may be there after the change.
-            loaded: how many textures there were before any change.
+            loaded: the lengths of its lists before any change.
         """
         self._lists = Lists(description.core)
         self._known: Objects = description.objects
         self._places = places or Places()
         self._before, self._renamed = before, renamed
-        self._loaded = self._lists.count("textures") if loaded is None else loaded
+        self._loaded = {name: self._lists.count(name) for name in GROWING} if loaded is None else loaded
 
     def __getstate__(self) -> dict[str, Any]:
         """A pickle holds neither places in files nor what follows from the rest."""
@@ -113,8 +113,8 @@ class Params(Mapping[str, Any]):
         return objects_of(self._lists, self._known, self._before) if self._renamed else self._before
 
     @cached_property
-    def _names(self) -> dict[str, str]:
-        return names_by_entry(self.objects)
+    def _names(self) -> dict[tuple[str, str], str]:
+        return names_by_use(self.objects)
 
     @cached_property
     def _aliases(self) -> dict[str, str]:
@@ -134,13 +134,13 @@ class Params(Mapping[str, Any]):
         found, param = self.find(path)
         entry: Any = self._entry(found)
         if param in SPECIAL:
-            return self._special(entry, param)
+            return self._special(found, entry, param)
         if param not in found.fields:
             if param not in mesh_names(entry["mesh"]):
                 raise self._unknown(path, found)
             return mesh_array(entry["mesh"], param)
         field = found.fields[param]
-        return self._value(field, entry.get(param, field.default))
+        return self._value(field, entry.get(param, field.default), found.owner or found.entry)
 
     def __repr__(self) -> str:
         shown = [f"{path} = {short(self[path])}" for path in islice(self, MOST_SHOWN)]
@@ -190,8 +190,8 @@ class Params(Mapping[str, Any]):
         edits = Edits(self._lists, self.objects, self._known, self._loaded)
         found_by = {path: self.find(path) for path in values}
         textures_first = sorted(found_by.items(), key=lambda item: item[1][0].kind != "texture")
-        for path, (found, param) in textures_first:  # others depend on their ranges
-            value = values[path]
+        for path, (shown, param) in textures_first:  # others depend on their ranges
+            value, found = values[path], edits.own(shown)
             if param == "size":
                 edits.set_size(found, value, path)
             elif param == "bsdf" and found.kind == "shape":
@@ -206,13 +206,7 @@ class Params(Mapping[str, Any]):
 
     def after(self, edits: Edits, description: Description) -> Params:
         """The parameters of the description that the edits made."""
-        before = self.objects
-        if edits.moved or edits.replaced:
-            before = {
-                name: replace(found, entry=f"textures[{edits.moved[at]}]") if at in edits.moved else found
-                for name, found in self.objects.items()
-                if (at := _texture(found)) not in edits.replaced
-            }
+        before = edits.renamed(self.objects)
         return Params(description, self._places, before, renamed=edits.refers_anew, loaded=self._loaded)
 
     def of(self, description: Description, places: Places) -> Params:
@@ -225,7 +219,8 @@ class Params(Mapping[str, Any]):
         """The error to raise when the core refuses changes: the core's message with an object's name."""
         entry = re.match(r"(\w+(?:\[\d+\])?)(?: \(\w+\))?(?:\.|: )(.*)", str(problem), re.DOTALL)
         if isinstance(problem, _core.DescriptionError) and entry and entry[1] in changes:
-            return SceneError(f"{self._names.get(entry[1], entry[1])}: {entry[2]}")
+            names = (name for (_, known), name in self._names.items() if known == entry[1])
+            return SceneError(f"{next(names, entry[1])}: {entry[2]}")
         return SceneError(reason_of(problem))
 
     def _has(self, found: SceneObject, param: str) -> bool:
@@ -254,18 +249,18 @@ class Params(Mapping[str, Any]):
             entry = entry[inner]
         return entry
 
-    def _special(self, entry: Mapping[str, Any], param: str) -> Any:  # noqa: ANN401
+    def _special(self, found: SceneObject, entry: Mapping[str, Any], param: str) -> Any:  # noqa: ANN401
         if param == "size":
             return (entry["width"], entry["height"])
         if param != "bsdf":
             return self._name("media", entry.get(param, -1))
         if entry.get("material", -1) < 0:
             return None
-        return self._material(self._lists.entry(f"materials[{entry['material']}]")["front"])
+        return self._material(self._lists.entry(f"materials[{entry['material']}]")["front"], found.entry)
 
-    def _value(self, field: Field, value: Any) -> Any:  # noqa: ANN401
+    def _value(self, field: Field, value: Any, owner: str) -> Any:  # noqa: ANN401
         if field.type == MATERIAL:
-            return self._material(value)
+            return self._material(value, owner)
         if field.type == "phase":
             return self._name("phases", value)
         if field.type in WITH_OBJECTS and isinstance(value, Mapping):
@@ -282,21 +277,17 @@ class Params(Mapping[str, Any]):
             else self._name("textures", value["texture"])
         )
 
-    def _material(self, value: int | Mapping[str, int]) -> str | None:
-        if isinstance(value, Mapping):
-            return self._name("adapters", value["adapter"])
-        return self._name("bsdfs", value)
+    def _material(self, value: int | Mapping[str, int], owner: str) -> str | None:
+        """The name of a bsdf or an adapter, as the owner may have one of those that are stored once."""
+        where, index = ("adapters", value["adapter"]) if isinstance(value, Mapping) else ("bsdfs", value)
+        return self._names.get((owner, f"{where}[{index}]")) or self._name(where, index)
 
     def _name(self, where: str, index: int) -> str | None:
-        return self._names.get(f"{where}[{index}]")
-
-
-def _texture(found: SceneObject) -> int:
-    """The number of a texture; -1 for other objects."""
-    return place_of(found.entry)[1] if found.kind == "texture" else -1
+        return self._names.get(("", f"{where}[{index}]"))
 
 
 MOST_SHOWN = 1000
+GROWING = ("textures", *MATERIALS)  # lists to which changes may add entries
 SPECIAL = ("size", "bsdf", "interior", "exterior", "medium")
 OTHERS = {
     "size": Field("size", "size", "width and height in pixels; the whole film is rendered"),

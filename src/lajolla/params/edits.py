@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from lajolla import _core
+from lajolla.params.materials import Material, Materials, reference
 from lajolla.params.objects import KINDS, MATERIAL, Entry, Lists, SceneObject, place_of, rows_in
 from lajolla.params.textures import (
     USERS,
@@ -35,24 +37,26 @@ SLOT = ("material", "interior", "exterior")  # what a shape refers to
 class Edits:
     """Collects changes: the entries that differ, and then the description with them."""
 
-    def __init__(self, lists: Lists, objects: Mapping[str, SceneObject], known: Objects, loaded: int) -> None:
+    def __init__(
+        self, lists: Lists, objects: Mapping[str, SceneObject], known: Objects, loaded: Mapping[str, int]
+    ) -> None:
         """
         Args:
             lists: the description.
             objects: its objects by name.
             known: where they come from.
-            loaded: how many textures the description had when it was loaded; these are kept.
+            loaded: the lengths of its lists when it was loaded; their textures are kept.
         """
         self._lists = lists
         self._objects = objects
-        self._editor = Editor(lists.core.get("textures", ()))
+        self._editor = Editor(lists.core.get("textures", ()), two_sided=known.two_sided)
         self._known = known
         self._loaded = loaded
         self._entries: dict[str, dict[str, Any]] = {}
         # Arrays of meshes by entry, with a path for messages.
         self._arrays: dict[str, tuple[str, dict[str, Any]]] = {}
         self._paths: dict[str, str] = {}  # of entries, for messages
-        self._new_materials: dict[int, dict[str, Any]] = {}  # by index
+        self._materials = Materials(lists, objects, known, loaded, self._entries)
         self._rebound: set[int] = set()  # textures whose values may have other bounds
         self.moved: dict[int, int] = {}  # textures that have another place
         self.replaced: set[int] = set()  # places of textures that others have taken
@@ -106,11 +110,17 @@ class Edits:
         if place_of(found.entry)[1] in reached(self._editor.textures, textures_in(value)):
             raise SceneError("a texture cannot contain itself", self._editor.location(path))
 
-    def _inner_material(self, found: SceneObject, value: object, path: str) -> int | dict[str, int]:
+    def _inner_material(self, found: SceneObject, value: object, path: str) -> Material:
         """A bsdf in an adapter, which is made of what comes before it."""
-        new = self._material(value, path)
-        if isinstance(new, dict) and new["adapter"] >= place_of(found.entry)[1]:
-            message = f'"{value}" comes after "{found.name}" in the scene and cannot be put into it'
+        if isinstance(value, Mapping):
+            self._refers = True
+            new: Material = self._materials.make(self._editor.material(value, path))[0]
+        else:
+            spare = self._spare(value)
+            new = spare[0] if spare else self._material(value, path)
+        if isinstance(new, Mapping) and new["adapter"] >= place_of(found.entry)[1]:
+            shown = f'"{value}"' if isinstance(value, str) else "what contains others"
+            message = f'{shown} comes after "{found.name}" in the scene and cannot be put into it'
             raise SceneError(message, self._editor.location(path))
         return new
 
@@ -135,29 +145,44 @@ class Edits:
             field = found.fields[name]
             self._put(found, name, self._editor.value("film", "film", field, number, path))
 
+    def own(self, found: SceneObject) -> SceneObject:
+        """The object with an entry of its own, if the reader stored equal objects once."""
+        if found.owner:
+            self._refers = True
+        return self._materials.own(found)
+
     def set_bsdf(self, found: SceneObject, value: object, path: str) -> None:
-        """Makes a shape look like another bsdf of the scene, on both sides as where that is used.
+        """Makes a shape look like another bsdf of the scene, on both sides as where that is used, or like a
+        new one.
 
         Raises:
             SceneError: there is no such bsdf, or it is used with several others on the back.
         """
         index = self._material_index(found, value, path)
-        if index != self._lists.entry(found.entry).get("material", -1):
+        if index != self._materials.entry(found.entry).get("material", -1):
             self._put(found, "material", index)
             self._refers = True
 
     def _material_index(self, found: SceneObject, value: object, path: str) -> int:
         """The index of the material of a bsdf or of another shape, "ball.bsdf"."""
+        if isinstance(value, Mapping):
+            self._materials.drop(found.name)
+            self._refers = True
+            return self._materials.slot(*self._materials.make(self._editor.material(value, path)))
+        spare = self._spare(value)
+        if spare is not None:
+            return self._materials.slot(*spare)
         shape = self._objects.get(str(value).removesuffix(".bsdf"))
-        like = -1
-        if shape is not None and shape.kind == "shape" and str(value).endswith(".bsdf"):
-            like = self._lists.entry(shape.entry).get("material", -1)
-        if like >= 0 and value not in self._objects:
-            return like
-        front = self._material(value, path)
-        alike = self._lists.materials_of(front)
-        known = [self._lists.entry(found.entry).get("material", -1), like]
-        known += [index for index in alike if self._lists.entry(f"materials[{index}]")["back"] == -1]
+        is_shape = shape is not None and shape.kind == "shape" and str(value).endswith(".bsdf")
+        if shape is not None and is_shape and value not in self._objects:
+            like: int = self._materials.entry(shape.entry).get("material", -1)
+            if like >= 0:
+                return like
+        front = self._material(value, path)  # from here on a shape has a material of its own
+        like = self._materials.entry(shape.entry).get("material", -1) if shape and is_shape else -1
+        alike = self._materials.slots_of(front)
+        known = [self._materials.entry(found.entry).get("material", -1), like]
+        known += [index for index in alike if self._materials.entry(f"materials[{index}]")["back"] == -1]
         index = next((index for index in known if index in alike), alike[0] if len(alike) == 1 else -1)
         if index >= 0:
             return index
@@ -168,12 +193,15 @@ class Edits:
                 f'"{value}" has other sides on several shapes; name one of them: {", ".join(names[:12])}'
             )
             raise SceneError(message, self._editor.location(path))
-        entry = {"front": front, "back": -1}
-        index = next((i for i, other in self._new_materials.items() if other == entry), -1)
-        if index < 0:
-            index = self._lists.count("materials") + len(self._new_materials)
-            self._entries[f"materials[{index}]"] = self._new_materials[index] = entry
-        return index
+        return self._materials.slot(front, -1)
+
+    def _spare(self, value: object) -> tuple[Material, Material] | None:
+        """The sides of a bsdf of the scene that no shape uses yet; None if it is none."""
+        if not isinstance(value, str) or value in self._objects or value not in self._known.spare:
+            return None
+        self._refers = True
+        made = self._editor.material(self._known.spare[value], value)
+        return self._materials.make(made)
 
     def set_medium(self, found: SceneObject, name: str, value: object, path: str) -> None:
         """Sets the medium inside or outside of a shape, or that in which the camera is."""
@@ -188,11 +216,11 @@ class Edits:
         kind = field.type.partition("_")[0]
         return {kind: self._index(kind, value, path)}
 
-    def _material(self, value: object, path: str) -> int | dict[str, int]:
+    def _material(self, value: object, path: str) -> Material:
         name = str(value)
         if name in self._objects and self._objects[name].kind == "adapter":
             self._refers = True
-            return {"adapter": place_of(self._objects[name].entry)[1]}
+            return reference(self.own(self._objects[name]).entry)
         return self._index("bsdf", value, path)
 
     def _index(self, kind: str, value: object, path: str) -> int:
@@ -202,8 +230,9 @@ class Edits:
             return -1
         found = self._objects.get(str(value))
         if isinstance(value, str) and found is not None and found.kind == kind and not found.inner:
-            return place_of(found.entry)[1]
+            return place_of(self.own(found).entry)[1]
         names = [name for name, other in self._objects.items() if other.kind == kind and not other.inner]
+        names += self._known.spare if kind == "bsdf" else ()
         known = f"; the scene has {', '.join(names[:12])}" if names else ""
         message = f"expected the name of a {kind}, got {value!r}{known}"
         raise SceneError(message, self._editor.location(path))
@@ -280,7 +309,7 @@ class Edits:
         if not new and not any(name.startswith("textures") for name in self._entries):
             return
         edited = {place_of(name)[1] for name in self._entries if name.startswith("textures")}
-        free = unused(self._lists, self._loaded, changed) - edited
+        free = unused(self._lists, self._loaded["textures"], changed) - edited
         numbers = arranged(textures, count, free, new)
         self.moved = {index: at for index, at in numbers.items() if index < count}
         self.replaced = {at for at in numbers.values() if at < count}
@@ -348,6 +377,34 @@ class Edits:
                 entry = {key: entry[key] for key in SLOT if key in entry}
             result[name] = entry
         return result
+
+    def renamed(self, objects: Mapping[str, SceneObject]) -> Mapping[str, SceneObject]:
+        """The objects after the changes by the names that they had; call `changes` before."""
+        copies, dropped = self._materials.copies, self._materials.dropped
+        if not (copies or dropped or self.moved or self.replaced):
+            return objects
+        result = {}
+        for name, found in objects.items():
+            key = found.owner, found.entry
+            at = place_of(found.entry)[1] if found.kind == "texture" else -1
+            if key in copies:
+                result[name] = replace(found, entry=copies[key], owner="")
+            elif at in self.moved:
+                result[name] = replace(found, entry=f"textures[{self.moved[at]}]")
+            elif at not in self.replaced and name not in dropped:
+                result[name] = found
+        return result
+
+    def known_after(self) -> Objects:
+        """Where the objects come from after the changes."""
+        made = self._materials
+        if not (made.ids or made.plugins):
+            return self._known
+        return replace(
+            self._known,
+            ids={**self._known.ids, **made.ids},
+            plugins={**self._known.plugins, **made.plugins},
+        )
 
     def description(self) -> dict[str, Any]:
         """The description with all changes; call `changes` before."""

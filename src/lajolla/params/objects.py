@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain, count
 from types import MappingProxyType
@@ -31,6 +31,7 @@ SINGLE = ("integrator", "sensor", "film", "rfilter", "sampler")  # of which a sc
 ONE_MODEL = {"film": "film", "instance": "instance"}  # kinds without "type"
 PLACEMENT = Field("to_world", "transform", "placement of the group in the scene", np.eye(4).tolist())
 MATERIAL = "material"  # the type of fields that refer to a bsdf or an adapter
+MATERIALS = ("bsdfs", "adapters")  # the lists of what these are
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,8 @@ class SceneObject:
         model: the model that it is in the core, as in `lajolla list`.
         entry: of the description that it is, such as "bsdfs[3]".
         inner: names of the fields that lead to it within that entry: ("base",) for what a coating covers.
+        owner: of a bsdf or an adapter without an id, if the reader stored it once for equal ones: the entry of
+            the shape, or of the adapter with an id, that this one is a part of; else "".
     """
 
     name: str
@@ -51,10 +54,11 @@ class SceneObject:
     model: str
     entry: str
     inner: tuple[str, ...] = ()
+    owner: str = ""
 
     def __reduce__(self) -> tuple[object, ...]:
         """A pickle holds no fields."""
-        return SceneObject, (self.name, self.kind, self.model, self.entry, self.inner)
+        return SceneObject, (self.name, self.kind, self.model, self.entry, self.inner, self.owner)
 
     @cached_property
     def fields(self) -> dict[str, Field]:
@@ -141,13 +145,24 @@ def objects_of(
 
 
 class _Namer:
+    """Names objects from the scene's shapes downwards.
+
+    `owner` is the entry of the nearest object above that cannot be stored together with an equal one: a shape,
+    or an adapter with an id. When a scene was loaded, bsdfs and adapters without an id that several owners
+    refer to are objects of their own, which the reader stored once because they are equal. After a change,
+    what has several users is one object, as these were made the same by name.
+    """
+
     def __init__(self, lists: Lists, known: Objects, before: Mapping[str, SceneObject]) -> None:
         self.lists = lists
         self.ids = known.ids
-        self.kept = names_by_entry(before)
+        self.kept = names_by_use(before)
         self.taken = set(self.kept.values())
         self.objects: dict[str, SceneObject] = {}
-        self.named: set[str] = set()  # entries
+        self.named: set[tuple[str, str]] = set()  # owners and entries
+        self.is_loaded = not before  # and not changed yet
+        self.first_owners: dict[str, tuple[str, list[str]]] = {}  # and names, by entry
+        self.stored_once = {found.entry for found in before.values() if found.owner}
         for where in SINGLE:
             self.add(where, where, where, lists.entry(where))
         medium = lists.entry("sensor").get("medium", -1)
@@ -159,53 +174,83 @@ class _Namer:
                 self.refer(where, index, f"{KINDS[where]}_{index + 1}")
         for name, found in before.items():
             if "[" in found.entry and not found.inner:
-                self.refer(*place_of(found.entry), name)
+                self.refer(*place_of(found.entry), name, found.owner)
 
     def shape(self, index: int) -> None:
         name = self.refer("shapes", index, f"shape_{index + 1}")
-        entry = self.lists.entry(f"shapes[{index}]")
+        entry_name = f"shapes[{index}]"
+        entry = self.lists.entry(entry_name)
         self.refer("emitters", entry.get("emitter", -1), f"{name}.emitter")
         if entry.get("material", -1) >= 0:
             material = self.lists.entry(f"materials[{entry['material']}]")
-            self.material(material.get("front", -1), f"{name}.bsdf")
-            self.material(material.get("back", -1), f"{name}.bsdf_back")
+            self.material(material.get("front", -1), f"{name}.bsdf", entry_name)
+            self.material(material.get("back", -1), f"{name}.bsdf_back", entry_name)
         for side in ("interior", "exterior"):
             self.refer("media", entry.get(side, -1), f"{name}.{side}")
 
-    def material(self, material: int | Mapping[str, int], suggested: str) -> None:
+    def material(self, material: int | Mapping[str, int], suggested: str, owner: str) -> None:
         if isinstance(material, Mapping):
-            self.refer("adapters", material["adapter"], suggested)
+            self.refer("adapters", material["adapter"], suggested, owner)
         else:
-            self.refer("bsdfs", material, suggested)
+            self.refer("bsdfs", material, suggested, owner)
 
-    def refer(self, where: str, index: int, suggested: str) -> str:
+    def refer(self, where: str, index: int, suggested: str, owner: str = "") -> str:
         """Names an entry, and all that it refers to, if they have no name yet."""
         entry_name = f"{where}[{index}]"
-        if index < 0 or entry_name in self.named:
+        may_be_shared = where in MATERIALS and entry_name not in self.ids
+        key = self.owner_of(entry_name, owner) if may_be_shared else "", entry_name
+        if index < 0 or key in self.named:
             return ""
-        self.named.add(entry_name)
+        self.named.add(key)
         entry = self.lists.entry(entry_name)
         if entry.get("type") == "clamped":  # the reader's: a texture in the range of its field
             self.use(entry["texture"], suggested)
             return ""
-        name = self.kept.get(entry_name) or self.unique(self.ids.get(entry_name, suggested))
-        self.add(name, KINDS[where], entry_name, entry)
+        name = self.kept.get(key) or self.unique(self.ids.get(entry_name, suggested))
+        inside = owner if may_be_shared and owner else entry_name
+        self.add(name, KINDS[where], entry_name, entry, owner=key[0], inside=inside)
         return name
 
-    def add(self, name: str, kind: str, entry_name: str, entry: Entry, inner: tuple[str, ...] = ()) -> None:
-        model = ONE_MODEL.get(kind) or entry["type"]
-        found = self.objects[name] = SceneObject(name, kind, model, entry_name, inner)
-        for f in found.fields.values():
-            self.part(name, f, entry.get(f.name, f.default), entry_name, inner)
+    def owner_of(self, entry: str, owner: str) -> str:
+        """The owner of an object if its entry is stored once for several."""
+        if not self.is_loaded:
+            return owner if entry in self.stored_once else ""
+        if entry in self.stored_once:
+            return owner
+        first, names = self.first_owners.setdefault(entry, (owner, []))
+        if first == owner:
+            return ""
+        self.stored_once.add(entry)
+        self.named.add((first, entry))
+        for name in names:
+            self.objects[name] = replace(self.objects[name], owner=first)
+        return owner
 
-    def part(self, name: str, f: Field, value: Any, entry: str, inner: tuple[str, ...]) -> None:  # noqa: ANN401
-        path = f"{name}.{f.name}"
+    def add(
+        self,
+        name: str,
+        kind: str,
+        entry_name: str,
+        entry: Entry,
+        inner: tuple[str, ...] = (),
+        owner: str = "",
+        inside: str = "",
+    ) -> None:
+        model = ONE_MODEL.get(kind) or entry["type"]
+        found = self.objects[name] = SceneObject(name, kind, model, entry_name, inner, owner)
+        if not owner and entry_name in self.first_owners:
+            self.first_owners[entry_name][1].append(name)
+        for f in found.fields.values():
+            self.part(found, f, entry.get(f.name, f.default), inside)
+
+    def part(self, found: SceneObject, f: Field, value: Any, inside: str) -> None:  # noqa: ANN401
+        path = f"{found.name}.{f.name}"
         if f.type == MATERIAL:
-            self.material(value, path)
+            self.material(value, path, inside)
         elif f.type == "phase":
             self.refer("phases", value, path)
         elif f.type == "bsdf" and isinstance(value, Mapping):
-            self.add(path, "bsdf", entry, value, (*inner, f.name))
+            self.add(path, "bsdf", found.entry, value, (*found.inner, f.name), found.owner)
         else:
             self.use(value, path)
 
@@ -224,3 +269,8 @@ class _Namer:
 def names_by_entry(objects: Mapping[str, SceneObject]) -> dict[str, str]:
     """The names of objects by their entries."""
     return {found.entry: found.name for found in objects.values() if not found.inner}
+
+
+def names_by_use(objects: Mapping[str, SceneObject]) -> dict[tuple[str, str], str]:
+    """The names of objects by their owners and entries."""
+    return {(found.owner, found.entry): found.name for found in objects.values() if not found.inner}

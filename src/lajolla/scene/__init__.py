@@ -36,7 +36,7 @@ from .schema import core_schema
 from .syntax.dict_reader import nodes_from_dict
 from .syntax.errors import Blame, Diagnostics, Location, SceneError, SceneWarning, Source, reason_of
 from .syntax.expand import UnknownParameter, expand_file
-from .syntax.ids import Member
+from .syntax.ids import Ids, Member
 from .syntax.nodes import Node
 from .syntax.resolve import follow, resolve
 from .syntax.typed import Tree, member_of_run, nodes_from_elements
@@ -275,21 +275,34 @@ def _read(
 def _members(tree: Tree, builder: Builder, node: Node) -> Iterator[Node]:
     """The individual shapes of a run's node, as if there were no run."""
     for index in range(node.count):
-        parsed = _parsed(builder, Member(node, index))
+        parsed = _parsed(Member(node, index))
         follow(parsed, tree.ids)
         yield next(child for _, child in parsed.root.children("shape"))
 
 
-def _bsdf(builder: Builder, member: Member) -> Node:
+def _bsdf(member: Member) -> Node:
     """An individual BSDF of a run; it refers to nothing."""
-    return next(child for _, child in _parsed(builder, member).root.children("bsdf"))
+    return next(child for _, child in _parsed(member).root.children("bsdf"))
 
 
-def _parsed(builder: Builder, member: Member) -> Tree:
+def _parsed(member: Member) -> Tree:
     """A tree of one object of a run, whose references are not followed yet."""
     parsed = member_of_run(member.node, member.number)
-    upgrade(parsed.nodes, builder.table, Diagnostics())  # the run's warnings were reported
+    upgrade(parsed.nodes, plugins_by_kind(), Diagnostics())  # the run's warnings were reported
     return parsed
+
+
+def _unused_bsdfs(tree: Tree, builder: Builder) -> Ids:
+    """The BSDFs with an id of which nothing was made; they are built when a shape is to have one."""
+    made = set(builder.objects.ids.values())
+    found = {
+        name: node
+        for name, node in tree.ids.found.items()
+        if name not in made
+        and (node.node if isinstance(node, Member) else node).kind == "bsdf"
+        and node not in builder.materials_of
+    }
+    return Ids(found, tree.ids.alone)
 
 
 def _named(file: SceneFile) -> tuple[Path, bytes | None]:
@@ -308,7 +321,7 @@ def _opened(tree: Tree, builder: Builder) -> Tree:
     """Nodes with the names of Mitsuba 3, resolved references, and all cameras in the scene itself."""
     with Blame(tree.root.location), np.errstate(all="ignore"):  # the core checks for numbers
         upgrade(tree.nodes, builder.table, builder.diagnostics)
-        resolve(tree, partial(_bsdf, builder))
+        resolve(tree, _bsdf)
         cameras.spread(tree.root, builder.diagnostics)
     return tree
 
@@ -317,6 +330,8 @@ def _describe(tree: Tree, builder: Builder) -> Description:
     with Blame(tree.root.location), np.errstate(all="ignore"):
         core = assemble(builder, tree.root)
     builder.objects.mirrored = tree.root.unsaid.mirrored
+    builder.objects.two_sided = builder.two_sided
+    builder.objects.spare = _unused_bsdfs(tree, builder)
     return Description(
         core,
         builder.diagnostics.warnings,

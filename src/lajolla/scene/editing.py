@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -12,25 +13,39 @@ from lajolla import _core
 
 from .description.bounds import bounds_of
 from .description.builder import Builder, plugins_by_kind
-from .description.plugin import Entry, Use
+from .description.entries import Entries
+from .description.plugin import BLACK, AdapterId, Entry, MaterialId, Use
 from .description.plugins.emitters import panorama
 from .description.plugins.textures import bitmap_image, pixels_from_python
 from .description.plugins.volumes import grid_values
 from .description.substitutes import SUBSTITUTES
 from .description.values import clamp_texture, convert, in_range_of
 from .schema import TEXTURED, Field
-from .syntax.dict_reader import value_from_python
-from .syntax.errors import Blame, Diagnostics, Location, SceneWarning, Source
+from .syntax.dict_reader import give_back_lost_light, value_from_python
+from .syntax.errors import Blame, Diagnostics, Location, SceneError, SceneWarning, Source
 from .syntax.nodes import Node, Property
 from .syntax.resolve import resolve
 from .versions.upgrade import upgrade
 
 
+@dataclass(frozen=True)
+class Made:
+    """A new material: its entries by names of their own ("bsdfs[0]"), each after those that it contains, with
+    ids and plugins, and what is on its sides."""
+
+    entries: Mapping[str, Entry]
+    ids: Mapping[str, str]
+    plugins: Mapping[str, str]
+    front: int | Mapping[str, int]
+    back: int | Mapping[str, int]
+
+
 class Editor:
     """Converts values for entries of a description; textures given as dicts are added to its list."""
 
-    def __init__(self, textures: Sequence[Entry], name: str = "params") -> None:
+    def __init__(self, textures: Sequence[Entry], name: str = "params", *, two_sided: bool = False) -> None:
         self._textures = textures
+        self._two_sided = two_sided
         self._source = Source(name, b"", Path.cwd())
         self._seeded: Builder | None = None
 
@@ -83,6 +98,39 @@ class Editor:
                 return given if isinstance(given, _core.Grid) else _core.Grid(grid_values(owner, given))
             return convert(self._builder, owner, self._property(field.name, given, path), field)
 
+    def material(self, given: Mapping[str, Any] | Node, path: str) -> Made:
+        """A new material.
+
+        Args:
+            given: a dict as in a scene, or a bsdf of the scene of which nothing was made yet.
+            path: of the parameter, for messages.
+
+        Raises:
+            SceneError: it is no bsdf, or cannot be built.
+        """
+        builder, location = self._builder, self.location(path)
+        with Blame(location), np.errstate(all="ignore"):
+            node = given if isinstance(given, Node) else self._bsdf_node(given, path)
+            slot = builder.slot(node)
+            if slot is None:
+                raise SceneError(f"there is no {node}", location)
+            if self._two_sided and slot.back == BLACK and not builder.lets_light_through(slot.front):
+                slot = replace(slot, back=slot.front)
+        entries = {f"{where}[{i}]": e for where in ADDED for i, e in enumerate(getattr(builder, where))}
+        known = builder.objects
+        ids = {name: own for name, own in known.ids.items() if name in entries}
+        plugins = {name: own for name, own in known.plugins.items() if name in entries}
+        for where in ADDED:
+            setattr(builder, where, Entries())
+        builder.transmissive, builder.indices, builder.materials_of = [], {}, {}
+        return Made(entries, ids, plugins, _reference(slot.front), _reference(slot.back))
+
+    def _bsdf_node(self, given: Mapping[str, Any], path: str) -> Node:
+        prop = self._property("bsdf", given, path)
+        if not isinstance(prop.value, Node) or prop.value.kind != "bsdf":
+            raise SceneError(f"expected a bsdf, got {prop.value}", prop.location)
+        return prop.value
+
     def in_range(self, kind: str, model: str, field: Field, use: Use, path: str) -> Use:
         """A texture whose values are in the range of a field that has it already."""
         location = self.location(path)
@@ -104,6 +152,7 @@ class Editor:
         prop = Property(name, value, location, location)
         if tree.nodes:
             tree.root.properties.append(prop)
+            give_back_lost_light(tree.nodes)
             upgrade(tree.nodes, builder.table, builder.diagnostics)
             resolve(tree)
         return prop
@@ -117,6 +166,13 @@ class Editor:
         if owner.kind == "emitter":
             return panorama(self._builder, pixels, is_integer, "the array", owner.location)
         return bitmap_image(pixels, encoded=is_integer)
+
+
+ADDED = ("bsdfs", "adapters")
+
+
+def _reference(material: MaterialId) -> int | dict[str, int]:
+    return {"adapter": material.index} if isinstance(material, AdapterId) else material
 
 
 def _is_use(given: object) -> TypeGuard[Use]:

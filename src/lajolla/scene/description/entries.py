@@ -75,7 +75,13 @@ class Objects:
     firsts: dict[str, str] = field(default_factory=dict)  # the first entry of the same object without an id
     inherited: dict[Node, str] = field(default_factory=dict)
     mirrored: bool = True  # as in `Unsaid`
+    two_sided: bool = False  # opaque materials are the same on the back
+    spare: Mapping[str, Node] = field(default_factory=dict)  # bsdfs by their ids that no shape uses
     _met: dict[Node, str] = field(default_factory=dict)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A pickle does not hold what is not in the description."""
+        return {**self.__dict__, "spare": {}}
 
     def inherit(self, node: Node, names: Iterable[Node]) -> None:
         """Notes that objects without an id share that of the object around them, which is no entry."""

@@ -51,7 +51,7 @@ def nodes_from_dict(scene: Mapping[str, Any], base_path: Path, known: Names, rep
     root = Node("scene", "scene", Location(source), Location(source))
     reader.tree = Tree(root, nodes=[root])
     reader.properties(scene, root, [])
-    _give_back_lost_light(reader.tree.nodes)
+    give_back_lost_light(reader.tree.nodes)
     return reader.tree
 
 
@@ -74,7 +74,7 @@ def value_from_python(
     return reader.value(value, path.rsplit(".", 1)), reader.tree
 
 
-def _give_back_lost_light(nodes: Iterable[Node]) -> None:
+def give_back_lost_light(nodes: Iterable[Node]) -> None:
     """Enables `multiscatter` in dicts that do not set it.
 
     Scene files are to look as in Mitsuba, where it is off. It stays off for glass whose roughness is or may

@@ -1,0 +1,167 @@
+"""Changes of what shapes look like: bsdfs of their own in place of shared ones, and new ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+from lajolla.params.objects import MATERIALS, Entry, Lists, SceneObject, place_of
+from lajolla.scene import Objects, SceneError
+from lajolla.scene.editing import Made
+
+Material: TypeAlias = int | Mapping[str, int]  # a bsdf, an adapter, or -1 for black
+INSIDE = ("first", "second", "child")  # the materials in an adapter
+
+
+class Materials:
+    """The bsdfs, adapters and material slots of a description, with changes."""
+
+    def __init__(
+        self,
+        lists: Lists,
+        objects: Mapping[str, SceneObject],
+        known: Objects,
+        loaded: Mapping[str, int],
+        entries: dict[str, dict[str, Any]],
+    ) -> None:
+        """
+        Args:
+            lists: the description.
+            objects: its objects by name.
+            known: where they come from.
+            loaded: the lengths of its lists when it was loaded.
+            entries: those that differ; changes are added here.
+        """
+        self._lists = lists
+        self._objects = objects
+        self._known = known
+        self._loaded = loaded
+        self._entries = entries
+        self._free: dict[str, list[int]] = {}
+        self.copies: dict[tuple[str, str], str] = {}  # entries of owners' objects, by those before
+        self.dropped: set[str] = set()  # names of objects that others replace
+        self.ids: dict[str, str] = {}  # of new entries
+        self.plugins: dict[str, str] = {}
+
+    def entry(self, name: str) -> Entry:
+        """An entry, with its changes."""
+        return self._entries.get(name) or self._lists.entry(name)
+
+    def own(self, found: SceneObject) -> SceneObject:
+        """The object with an entry of its own, if it shares one with equal objects."""
+        key = found.owner, found.entry
+        if found.owner and key not in self.copies:
+            self._separate(found)
+        return replace(found, entry=self.copies[key], owner="") if found.owner else found
+
+    def _separate(self, found: SceneObject) -> None:
+        """Copies what an owner shares, and what refers to it."""
+        shared = {other.entry for other in self._objects.values() if other.owner}
+
+        def copied(material: Material) -> Material:
+            name = entry_name(material)
+            if not name or name in self._known.ids or (name not in shared and "bsdfs" in name):
+                return material
+            key = found.owner if name in shared else "", name
+            if key not in self.copies:
+                content = {k: copied(v) if k in INSIDE else v for k, v in self.entry(name).items()}
+                self.copies[key] = self._added(name.partition("[")[0], content)
+            return reference(self.copies[key])
+
+        where, at = place_of(found.owner)
+        before = self.entry(found.owner)
+        if where == "shapes":
+            slot = self.entry(f"materials[{before['material']}]")
+            material = self.slot(copied(slot["front"]), copied(slot["back"]))
+            after: dict[str, Any] = {**before, "material": material}
+        else:
+            after = {k: copied(v) if k in INSIDE else v for k, v in before.items()}
+            if any(isinstance(after[k], Mapping) and after[k]["adapter"] >= at for k in INSIDE if k in after):
+                message = f"{found.name} is stored together with an equal one; give them ids in the scene"
+                raise SceneError(message)
+        copied(reference(found.entry))  # where nothing refers to it any more
+        self._entries[found.owner] = after
+
+    def slot(self, front: Material, back: Material, preferred: int = -1) -> int:
+        """The index of the material slot with these sides; a new one if there is none."""
+        sides = {"front": front, "back": back}
+        found = [index for index in self.slots_of(front) if self.entry(f"materials[{index}]") == sides]
+        if found:
+            return preferred if preferred in found else found[0]
+        return place_of(self._added("materials", sides))[1]
+
+    def slots_of(self, front: Material) -> list[int]:
+        """The indices of the material slots with this bsdf or adapter on the front."""
+        changed = {index: entry for index, entry in self._changed("materials") if entry["front"] == front}
+        return sorted({*(i for i in self._lists.materials_of(front)), *changed})
+
+    def _changed(self, where: str) -> Iterator[tuple[int, Entry]]:
+        return ((place_of(k)[1], v) for k, v in self._entries.items() if k.startswith(f"{where}["))
+
+    def make(self, made: Made) -> tuple[Material, Material]:
+        """Adds new bsdfs and adapters; those of the front and of the back."""
+        at: dict[str, str] = {}
+
+        def placed(material: Material) -> Material:
+            name = entry_name(material)
+            return reference(at[name]) if name else material
+
+        for name, entry in made.entries.items():
+            content = {k: placed(v) if k in INSIDE else v for k, v in entry.items()}
+            at[name] = self._added(name.partition("[")[0], content)
+        self.ids |= {at[name]: own for name, own in made.ids.items()}
+        self.plugins |= {at[name]: own for name, own in made.plugins.items()}
+        return placed(made.front), placed(made.back)
+
+    def drop(self, shape: str) -> None:
+        """Notes that a shape's material is replaced: names of its parts without an id are free again."""
+        for name, found in self._objects.items():
+            parts = name.startswith((f"{shape}.bsdf.", f"{shape}.bsdf_back")) or name == f"{shape}.bsdf"
+            if parts and found.kind in ("bsdf", "adapter") and found.entry not in self._known.ids:
+                self.dropped.add(name)
+
+    # Places of new entries
+
+    def _added(self, where: str, content: Mapping[str, Any]) -> str:
+        """The name of a new entry. Those that are added are in the order of their places, as adapters may
+        only contain earlier ones."""
+        if where not in self._free:
+            self._free[where] = self._unused(where) if where in MATERIALS else []
+        end = max([self._lists.count(where), *(index + 1 for index, _ in self._changed(where))])
+        index = self._free[where].pop(0) if self._free[where] else end
+        self._entries[f"{where}[{index}]"] = dict(content)
+        return f"{where}[{index}]"
+
+    def _unused(self, where: str) -> list[int]:
+        """The places of entries that were added after loading and that nothing needs any more."""
+        added = set(range(self._loaded[where], self._lists.count(where)))
+        if not added:
+            return []
+        named = {found.entry for name, found in self._objects.items() if name not in self.dropped}
+        kept = {index for index in added if f"{where}[{index}]" in named}
+        shapes = {found.entry: name for name, found in self._objects.items() if found.kind == "shape"}
+        replaced = {entry for entry, name in shapes.items() if f"{name}.bsdf" in self.dropped}
+        slots = {self._lists.entry(entry).get("material", -1) for entry in shapes if entry not in replaced}
+        used = (self._lists.entry(f"materials[{slot}]") for slot in slots if slot >= 0)
+        waiting = [slot[side] for slot in used for side in ("front", "back")]
+        while waiting:
+            name = entry_name(waiting.pop())
+            if name and place_of(name)[0] == where:
+                kept.add(place_of(name)[1])
+            if name.startswith("adapters"):
+                waiting += [v for k, v in self._lists.entry(name).items() if k in INSIDE]
+        return sorted(added - kept)
+
+
+def entry_name(material: Material) -> str:
+    """The name of the entry; "" for black."""
+    if isinstance(material, Mapping):
+        return f"adapters[{material['adapter']}]"
+    return f"bsdfs[{int(material)}]" if material >= 0 else ""
+
+
+def reference(entry: str) -> Material:
+    """How other entries refer to a bsdf or an adapter."""
+    where, index = place_of(entry)
+    return index if where == "bsdfs" else {"adapter": index}
