@@ -153,7 +153,7 @@ def test_ids_are_those_of_pixel_centres() -> None:
     assert texts["shape"] == ["wall", "shape_2", "stem", "wall"] * 2
     assert texts["instance"] == ["", "first", "first", "", "", "second", "second", ""]
     # Equal materials are different objects if they have different ids.
-    assert texts["material"] == ["stone", "slate", "material_3", "stone"] * 2
+    assert texts["material"] == ["stone", "slate", "stem.bsdf", "stone"] * 2
     primitives = arrays["primitive"]
     assert set(np.unique(primitives)) <= {0, 1}
     for aov in ("crypto_instance", "crypto_material"):
@@ -199,8 +199,8 @@ def test_names_of_objects(tmp_path: Path) -> None:
     )
     # Both parts of a mesh are one shape; a name that is taken gets another ending.
     assert shapes.numbers.tolist() == [1, 2, 3, 4, 5, 6, 6, 7, 7, 8]
-    assert list(shapes.names) == ["", *(f"shape_{i}" for i in range(1, 7)), "shape_8", "shape_8_"]
-    assert list(materials.names) == ["", "material_1", "red", "blue", "inner"]
+    assert list(shapes.names) == ["", *(f"shape_{i}" for i in range(1, 7)), "shape_8", "shape_10"]
+    assert list(materials.names) == ["", "shape_1.bsdf", "red", "blue", "inner"]
     assert instances.numbers.tolist() == []
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,8 +29,9 @@ class Numbered:
 def numbered(objects: Objects, core: Mapping[str, Any], where: str) -> Numbered:
     """Numbers for the shapes, materials or instances of a description.
 
-    An entry is named by the id that its object has in the scene, a material by that of its bsdf. Entries that
-    are parts of the same object share its number.
+    An entry is named by the id that its object has in the scene, a material by that of its bsdf; others are
+    named as in `Scene.params`: "shape_3", and "shape_3.bsdf" by the first shape that has the material. Entries
+    that are parts of the same object share its number.
     """
     count = sum(_rows(entry) for entry in core.get(where, ()))
     ids = _material_ids(objects, core) if where == "materials" else _ids_of(objects, where)
@@ -41,7 +43,8 @@ def numbered(objects: Objects, core: Mapping[str, Any], where: str) -> Numbered:
     first[list(firsts)] = list(firsts.values())
     is_first = first == np.arange(count)
     numbers = np.cumsum(is_first)[first].astype(np.int32)
-    return Numbered(numbers, _texts(KINDS[where], np.flatnonzero(is_first), ids))
+    parts = _names_by_shapes(objects, core) if where == "materials" else {}
+    return Numbered(numbers, _texts(KINDS[where], np.flatnonzero(is_first), ids, parts))
 
 
 def _is_in(name: str, where: str) -> bool:
@@ -83,14 +86,30 @@ def _name_of(material: int | Mapping[str, int], objects: Objects, adapters: Sequ
     return objects.ids.get(f"adapters[{index}]", "") or next(inner, "")
 
 
-def _texts(kind: str, firsts: npt.NDArray[np.intp], ids: dict[int, str]) -> list[str]:
-    """The name of each number: the id, or one made of the kind and the number that is no other's id."""
+def _names_by_shapes(objects: Objects, core: Mapping[str, Any]) -> dict[int, str]:
+    """Names of materials by the first shape that has each: "ball.bsdf"."""
+    ids, names = _ids_of(objects, "shapes"), dict[int, str]()
+    met: Counter[str] = Counter()
+    materials = (material for entry in core.get("shapes", ()) for material in _values(entry, "material"))
+    for index, material in enumerate(materials):
+        name = ids.get(index, f"shape_{index + 1}")
+        met[name] += 1
+        if material not in names:
+            names[material] = f"{name}{f'_{met[name]}' if met[name] > 1 else ''}.bsdf"
+    return names
+
+
+def _texts(
+    kind: str, firsts: npt.NDArray[np.intp], ids: dict[int, str], parts: Mapping[int, str]
+) -> list[str]:
+    """The name of each number: the id, or one made of what it is a part of, or of its place, that is no
+    other's id."""
     taken = set(ids.values())
     names = [""]
-    for number, index in enumerate(firsts.tolist(), start=1):
+    for index in firsts.tolist():
         name = ids.get(index)
         if name is None:
-            name = f"{kind}_{number}"
+            name = parts.get(index, f"{kind}_{index + 1}")
             while name in taken:
                 name += "_"
         names.append(name)
