@@ -7,15 +7,16 @@ other = scene.with_params({"sensor.fov": 40})  # a changed copy, which shares wh
 
 from __future__ import annotations
 
+import difflib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from typing import Any
 
 from lajolla import _core
-from lajolla.messages import suggestion
+from lajolla.params import combined
 from lajolla.params.edits import Edits
 from lajolla.params.objects import (
     MATERIAL,
@@ -26,9 +27,9 @@ from lajolla.params.objects import (
     names_by_use,
     objects_of,
 )
-from lajolla.params.values import WITH_OBJECTS, mesh_array, mesh_names, readable
-from lajolla.scene import Description, Objects, Places, SceneError, reason_of
-from lajolla.scene.formats.mesh_arrays import ATTRIBUTES
+from lajolla.params.values import WITH_OBJECTS, fixed, mesh_array, mesh_names, readable
+from lajolla.scene import Description, Objects, Places, SceneError, plugins_by_kind, reason_of
+from lajolla.scene.formats.mesh_arrays import ATTRIBUTES, OTHER_NAMES
 from lajolla.scene.schema import Field
 
 __all__ = ["Info", "ParamError", "Params", "SceneObject"]
@@ -68,7 +69,8 @@ class Params(Mapping[str, Any]):
     """All parameters of a scene: a mapping of paths, such as "red.reflectance", to values.
 
     Values are NumPy arrays (colours, vectors, matrices, pixels (height, width, 1 or 3), voxels, and the
-    arrays of meshes) or Python's numbers, truth values and strings. What refers to another object, such as
+    arrays of meshes) or Python's numbers, truth values and strings. Arrays are read-only: what is written into
+    one would not change the scene; change a copy, and set that. What refers to another object, such as
     a reflectance to a texture, has the name of that object as its value.
     """
 
@@ -131,6 +133,13 @@ class Params(Mapping[str, Any]):
 
     def __getitem__(self, path: str) -> Any:  # noqa: ANN401
         """The value of a parameter. Raises ParamError."""
+        name, _, param = str(path).rpartition(".")
+        known = self._object(name)
+        if known is not None and (parts := combined.parts_of(known, param)):
+            try:
+                return combined.read(param, {part: self[f"{name}.{part}"] for part in parts})
+            except ValueError as problem:
+                raise ParamError(f"the scene has no parameter {path!r}: {problem}") from None
         found, param = self.find(path)
         entry: Any = self._entry(found)
         if param in SPECIAL:
@@ -138,7 +147,7 @@ class Params(Mapping[str, Any]):
         if param not in found.fields:
             if param not in mesh_names(entry["mesh"]):
                 raise self._unknown(path, found)
-            return mesh_array(entry["mesh"], param)
+            return fixed(mesh_array(entry["mesh"], param))
         field = found.fields[param]
         return self._value(field, entry.get(param, field.default), found.owner or found.entry)
 
@@ -174,20 +183,34 @@ class Params(Mapping[str, Any]):
     def find(self, path: str) -> tuple[SceneObject, str]:
         """The object and the name of the parameter that a path means. Raises ParamError."""
         name, _, param = str(path).rpartition(".")
-        found = self.objects.get(self._aliases.get(name, name))
+        found = self._object(name)
         if found is not None and self._has(found, param):
             return found, param
         raise self._unknown(path, found)
 
+    def _object(self, name: str) -> SceneObject | None:
+        return self.objects.get(self._aliases.get(name, name))
+
     def _unknown(self, path: str, found: SceneObject | None) -> ParamError:
-        name = str(path).rpartition(".")[0]
-        known = [f"{name}.{p}" for p in self._params_of(found)] if found else list(self)
-        hint = suggestion(str(path), known) if found or len(known) < 10000 else ""
-        return ParamError(f"the scene has no parameter {path!r}{hint if len(hint) < 1000 else ''}")
+        name, _, param = str(path).rpartition(".")
+        if found is None:
+            known = list(self) if len(self.objects) < MOST_COMPARED else []
+            hint = nearest_hint(str(path), known) or "; scene.params lists all"
+        elif param in OTHER_NAMES and "mesh" in found.fields:
+            hint = f"; did you mean {f'{name}.{OTHER_NAMES[param]}'!r}?"
+        elif parts := combined.parts_of(found, param):
+            hint = f": it stands for {' and '.join(parts)}"
+        else:
+            own = list(self._params_of(found))
+            read_as = param in plugin_fields(found.kind, self._known.plugins.get(found.entry, found.model))
+            hint = "" if read_as else nearest_hint(str(path), [f"{name}.{p}" for p in own])
+            hint = hint or f"; {name} has {', '.join(own[:MOST_LISTED])}"
+        return ParamError(f"the scene has no parameter {path!r}{hint}")
 
     def edits(self, values: Mapping[str, Any]) -> Edits:
         """The changes of some parameters. Raises ParamError, and SceneError for values that do not fit."""
         edits = Edits(self._lists, self.objects, self._known, self._loaded)
+        values = self._expanded(values)
         found_by = {path: self.find(path) for path in values}
         textures_first = sorted(found_by.items(), key=lambda item: item[1][0].kind != "texture")
         for path, (shown, param) in textures_first:  # others depend on their ranges
@@ -203,6 +226,27 @@ class Params(Mapping[str, Any]):
             else:
                 edits.set_array(found, param, value, path)
         return edits
+
+    def _expanded(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Values with the parameters for which others stand, in place of these."""
+        result: dict[str, Any] = {}
+        given: dict[str, dict[str, Any]] = {}  # by object
+        for path, value in values.items():
+            name, _, param = str(path).rpartition(".")
+            found = self._object(name)
+            if found is None or not combined.parts_of(found, param):
+                result[path] = value
+            else:
+                given.setdefault(name, {})[param] = value
+        for name, own in given.items():
+            found = self._object(name)
+            assert found is not None
+            parts = {part: self[f"{name}.{part}"] for p in own for part in combined.parts_of(found, p)}
+            try:
+                result |= {f"{name}.{part}": value for part, value in combined.written(own, parts).items()}
+            except SceneError as problem:
+                raise SceneError(f"params[{name}.{next(iter(own))}]: {problem.message}") from None
+        return result
 
     def after(self, edits: Edits, description: Description) -> Params:
         """The parameters of the description that the edits made."""
@@ -226,7 +270,7 @@ class Params(Mapping[str, Any]):
     def _has(self, found: SceneObject, param: str) -> bool:
         if param in found.fields or param in self._params_of(found):
             return True
-        return "mesh" in found.fields and param.startswith(ATTRIBUTES)
+        return "mesh" in found.fields and param.startswith(ATTRIBUTES) and param not in OTHER_NAMES
 
     def _params_of(self, found: SceneObject) -> Iterator[str]:
         """The names of its parameters: fields, arrays of meshes, and references that are no fields."""
@@ -265,7 +309,7 @@ class Params(Mapping[str, Any]):
             return self._name("phases", value)
         if field.type in WITH_OBJECTS and isinstance(value, Mapping):
             return self._use(value)
-        return readable(field.type, value)
+        return fixed(readable(field.type, value))
 
     def _use(self, value: Mapping[str, Any]) -> str | None:
         if "volume" in value:
@@ -287,6 +331,8 @@ class Params(Mapping[str, Any]):
 
 
 MOST_SHOWN = 1000
+MOST_COMPARED = 10000  # objects whose paths are compared with an unknown one
+MOST_LISTED = 12
 GROWING = ("textures", *MATERIALS)  # lists to which changes may add entries
 SPECIAL = ("size", "bsdf", "interior", "exterior", "medium")
 OTHERS = {
@@ -301,6 +347,17 @@ OTHERS = {
     "uvs": Field("uvs", "array", "(N, 2) texture coordinates, or None"),
 }
 ARRAY = Field("attribute", "array", "(N or M, channels) values per vertex or per face")
+
+
+def nearest_hint(path: str, known: list[str]) -> str:
+    near = difflib.get_close_matches(path, known, n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def plugin_fields(kind: str, plugin: str) -> Collection[str]:
+    """The parameters that scene files give a plugin."""
+    known = plugins_by_kind().get(kind, {}).get(plugin.lower())
+    return known.by_name if known else ()
 
 
 def short(value: object) -> str:

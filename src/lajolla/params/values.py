@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lajolla import _core
 from lajolla.colour import decode_srgb
 from lajolla.scene.description.plugins.meshes import frame_of_normals
-from lajolla.scene.formats.mesh_arrays import MESH_ARRAYS, mesh_of
+from lajolla.scene.formats.mesh_arrays import MESH_ARRAYS, mesh_of, with_unit_normals
 
 Values: TypeAlias = npt.NDArray[Any]
 
@@ -47,7 +47,15 @@ def pixels_of(image: _core.Image) -> npt.NDArray[np.float32]:
 def mesh_array(mesh: _core.Mesh, name: str) -> Values | None:
     """One of a mesh's arrays; None if it has no normals or uvs."""
     found = getattr(mesh, MESH_ARRAYS[name]) if name in MESH_ARRAYS else mesh.attributes[name]
-    return None if found is None else np.array(found)
+    return None if found is None else np.asarray(found)
+
+
+def fixed(value: Any) -> Any:  # noqa: ANN401
+    """The same; an array cannot be written to."""
+    if isinstance(value, np.ndarray):
+        value = value.view()
+        value.flags.writeable = False
+    return value
 
 
 def mesh_names(mesh: _core.Mesh) -> list[str]:
@@ -72,7 +80,7 @@ def with_arrays(mesh: _core.Mesh, arrays: Mapping[str, Any], before: Values, aft
     kept = {name: mesh_array(mesh, name) for name in mesh_names(mesh)}
     moved = "positions" in arrays or "triangles" in arrays
     renew = moved and "normals" not in arrays and kept["normals"] is not None
-    made = mesh_of({**kept, **({"normals": None} if renew else {}), **arrays})
+    made = mesh_of({**kept, **({"normals": None} if renew else {}), **with_unit_normals(arrays)})
     if renew:
         return _smoothed(made, after)
     return made if "normals" in arrays or not _is_smoothed(mesh, before) else _smoothed(made, before)

@@ -10,7 +10,7 @@ import numpy as np
 
 from lajolla import _core
 
-from ...formats.mesh_arrays import MESH_ARRAYS, mesh_of
+from ...formats.mesh_arrays import MESH_ARRAYS, OTHER_NAMES, mesh_of, with_unit_normals
 from ...formats.mtl import materials_of
 from ...schema import CHILDREN, Field
 from ...syntax.errors import Location, SceneError
@@ -147,6 +147,8 @@ def _from_arrays(context: Context, node: Node, values: Values) -> Entry:
     """A mesh object, or one of arrays; without normals it is smooth, as those of files are."""
     given = {name: values.pop(name) for name in MESH_ARRAYS if name in values}
     attributes = values.pop("attributes", {})
+    if wrong := next((name for name in attributes if name in OTHER_NAMES), None):
+        raise SceneError(f'{node}: "{wrong}" is no attribute; use "{OTHER_NAMES[wrong]}"', node.location)
     if "mesh" in values:
         if given or attributes:
             raise SceneError(f"{node} takes a mesh or arrays, not both", node.location)
@@ -155,7 +157,7 @@ def _from_arrays(context: Context, node: Node, values: Values) -> Entry:
             values["mesh"] = values["mesh"].with_vertex_normals(frame.tolist())
         return {"type": "mesh", **values}
     try:
-        mesh = mesh_of({**given, **attributes})
+        mesh = mesh_of({**with_unit_normals(given), **attributes})
     except ValueError as problem:
         raise SceneError(f"{node}: {problem}", node.location) from None
     _, mesh = _with_normals(context, ("arrays", node), mesh, values)
