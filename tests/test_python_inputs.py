@@ -277,3 +277,60 @@ def test_wrong_options_of_files(repository: Path) -> None:
     ):
         with pytest.raises(error, match=message):
             lajolla.load(path, **option)
+
+
+def test_whole_numbers_of_any_type() -> None:
+    scene = {"type": "scene", "sensor": {"type": "perspective"}, "ball": {"type": "sphere"}}
+    for size in (np.array([8, 4]), (8.0, 4.0), [np.int16(8), np.float32(4)]):
+        loaded = lajolla.load_dict(scene, size=size, spp=np.uint8(2))
+        assert loaded.render(spp=1.0).array.shape == (4, 8, 3)
+    for size in ((8.5, 4), "84", (8, 4, 2), (True, 4), {8: 1, 4: 1}):
+        with pytest.raises(lajolla.OptionError, match="whole number"):
+            lajolla.load_dict(scene, size=size)
+
+
+def test_transforms_name_the_wrong_argument() -> None:
+    for origin in ([0, 5], [0, 5, np.nan], "a"):
+        with pytest.raises(ValueError, match="origin must be three finite numbers"):
+            lajolla.look_at(origin, (0, 0, 0))
+
+
+def test_missing_files_are_missing_files(tmp_path: Path) -> None:
+    for action, kind in (
+        (lambda: lajolla.load(tmp_path / "a.xml"), lajolla.SceneError),
+        (lambda: lajolla.Image.open(tmp_path / "a.exr"), lajolla.ImageError),
+    ):
+        with pytest.raises(FileNotFoundError) as caught:
+            action()
+        assert isinstance(caught.value, kind)
+        assert isinstance(caught.value, lajolla.Error)
+        assert "no such file" in str(caught.value)
+
+
+def test_names_of_the_package() -> None:
+    assert {name for name in dir(lajolla) if not name.startswith("__")} == set(lajolla.__all__)
+
+
+def test_features_by_the_names_of_arrays() -> None:
+    image, layer = lajolla.Image(np.ones((4, 4, 3))), np.ones((4, 4, 3), np.float32)
+    for features, message in (
+        ({"foo": layer}, "unknown feature 'foo'"),
+        ({"normal": layer}, "needs albedo.R"),
+        ({"albedo": layer[..., :2]}, r"has shape \(4, 4, 2\)"),
+    ):
+        with pytest.raises(lajolla.ImageError, match=message):
+            image.denoise(features)
+    pytest.importorskip("pyoidn")
+    assert set(image.denoise({"albedo": layer, "normal": layer}).channels) >= {"albedo.R", "normal.x"}
+
+
+def test_colours_of_other_meshes() -> None:
+    class Visual:
+        kind = "vertex"
+        vertex_colors = np.full((3, 4), 188, np.uint8)
+
+    class Mesh:
+        vertices, faces, visual = np.eye(3), np.array([[0, 1, 2]]), Visual()
+
+    scene = lajolla.load_dict({"type": "scene", "sensor": {"type": "perspective"}, "mesh": Mesh()})
+    assert np.allclose(scene["mesh.vertex_color"], 0.5, atol=0.01)

@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from lajolla.limits import OptionError
     from lajolla.loaded_scene import Scene
     from lajolla.loading import load, load_dict
-    from lajolla.messages import ClusterError, ClusterWarning, LajollaWarning
-    from lajolla.models import Bsdf, Light, Phase
+    from lajolla.messages import ClusterError, ClusterWarning, Error, LajollaWarning
+    from lajolla.models import Bsdf, BsdfSamples, Light, LightSamples, Phase
     from lajolla.params import ParamError
     from lajolla.picture_files import ImageError, ImageWarning
     from lajolla.queries import Intersections
@@ -51,15 +51,18 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Bsdf",
+    "BsdfSamples",
     "ClusterError",
     "ClusterWarning",
     "DenoiseError",
+    "Error",
     "Image",
     "ImageError",
     "ImageWarning",
     "Intersections",
     "LajollaWarning",
     "Light",
+    "LightSamples",
     "OptionError",
     "ParamError",
     "Phase",
@@ -87,14 +90,14 @@ _HOMES = {
     **dict.fromkeys(("ImageError", "ImageWarning"), "picture_files"),
     "Intersections": "queries",
     "OptionError": "limits",
-    **dict.fromkeys(("Bsdf", "Light", "Phase"), "models"),
+    **dict.fromkeys(("Bsdf", "BsdfSamples", "Light", "LightSamples", "Phase"), "models"),
     **dict.fromkeys(("Progress", "Rendering"), "render"),
     "Scene": "loaded_scene",
     **dict.fromkeys(("load", "load_dict"), "loading"),
     "ParamError": "params",
     **dict.fromkeys(("SceneError", "SceneWarning"), "scene"),
     **dict.fromkeys(("look_at", "rotate", "scale", "translate"), "transforms"),
-    **dict.fromkeys(("ClusterError", "ClusterWarning", "LajollaWarning"), "messages"),
+    **dict.fromkeys(("ClusterError", "ClusterWarning", "Error", "LajollaWarning"), "messages"),
 }
 
 with suppress(processor.LevelError):  # an error when the core is used, not for --help
@@ -118,4 +121,5 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_MODULES, *_HOMES, "__version__"})
+    hidden = (name for name in globals() if name.startswith("__"))
+    return sorted({*hidden, *__all__, "__version__"})

@@ -34,7 +34,7 @@ from lajolla import _core, processor, units
 from lajolla.adaptive import TILE_SIZE, Counts
 from lajolla.limits import OptionError
 from lajolla.messages import ClusterError, ClusterWarning, names_checked, warn
-from lajolla.render import Progress, Rendering, available_threads
+from lajolla.render import Progress, Rendering, available_threads, unobserved
 from lajolla.units import Plan, Result, Unit
 
 if TYPE_CHECKING:
@@ -133,8 +133,8 @@ class ClusterRendering(Rendering):
         self.row_bytes = 17 * TILE_SIZE * core.width * (3 + len(core.channels))  # of the result of a unit
 
     @names_checked
-    def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
-        """Renders until a stop rule is met; calls `observe` in this thread ten times a second at least.
+    def run(self, progress: Callable[[Progress], None] | None = None) -> None:
+        """Renders until a stop rule is met; calls `progress` in this thread ten times a second at least.
 
         Raises ClusterError where the cluster cannot be used, or not any more: what has arrived is kept.
         """
@@ -143,7 +143,7 @@ class ClusterRendering(Rendering):
             self.pool = Pool(client, description, self.threads_of_each, mixed=self.mixed)
             try:
                 for counts in self._passes():
-                    self._distribute(counts, self.pool, observe)
+                    self._distribute(counts, self.pool, progress or unobserved)
             finally:
                 self.pool.close()
 

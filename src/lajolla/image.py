@@ -26,6 +26,7 @@ from lajolla.messages import names_checked, shortened, suggestion, warn
 from lajolla.picture_files import (
     ImageError,
     ImageWarning,
+    MissingImageError,
     PictureError,
     channel_names,
     opened,
@@ -155,9 +156,9 @@ class Image(Pixelwise):
         features, if it has no such layers itself. Alpha and other layers stay as they are.
 
         Args:
-            features: channels "albedo.R", ... and "normal.x", ... of the same size, which say what the
-                network should keep; `Scene.features` renders them. Default: those that the picture has,
-                if any.
+            features: channels "albedo.R", ... and "normal.x", ... of the same size, or the arrays "albedo"
+                and "normal" (height, width, 3), which say what the network should keep; `Scene.features`
+                renders them. Default: those that the picture has, if any.
             threads: number of threads, with the same result; default: all.
 
         Raises:
@@ -165,10 +166,11 @@ class Image(Pixelwise):
         """
         if any(name in self.channels for name in denoising.NOISY):
             raise denoising.DenoiseError("the picture was denoised before: it has channels noisy.R, ...")
-        check("threads", threads)
+        threads = check("threads", threads)
+        given = dict(self.channels)
         if features is not None:
             check_mapping("features", features)
-        given = dict(self.channels if features is None else features)
+            given = denoising.feature_channels(features)
         for name, values in given.items():
             if np.shape(values) != self.array.shape[:2]:
                 raise ImageError(f"feature {name!r} has shape {np.shape(values)}, not {self.array.shape[:2]}")
@@ -319,12 +321,16 @@ def _read(source: Source) -> tuple[FloatImage, dict[str, FloatImage]]:
 def _read_file(path: Path, name: str) -> tuple[FloatImage, dict[str, FloatImage]]:
     try:
         if not path.is_file():
-            raise ImageError(f"{name}: {'not a file' if path.exists() else 'no such file'}")
+            if not path.exists():
+                raise MissingImageError(f"{name}: no such file")
+            raise ImageError(f"{name}: not a file")
         with opened(path) as (file, _):
             spec = file.spec()
             whole = str(spec.format) == "uint"  # EXR files of whole numbers, which mean themselves
             pixels = file.read_image("uint" if whole else "float")
             problem = reason(file, "")
+    except MissingImageError:
+        raise
     except OSError as error:
         shown = shortened(name) if error.errno == errno.ENAMETOOLONG else name
         raise ImageError(f"{shown}: cannot be read: {error.strerror}") from None

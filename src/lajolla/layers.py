@@ -33,7 +33,7 @@ class Layer(Protocol):
 NO_LAYERS: Mapping[str, Layer] = MappingProxyType({})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Ids:
     """Numbers of what the rays through pixel centres see: `values`, int32 (height, width).
 
@@ -54,7 +54,7 @@ class Ids:
         return {name: self.values, **names}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cryptomatte:
     """The objects that cover each pixel most, in falling order of coverage.
 

@@ -1,8 +1,12 @@
 """Ranges and choices of options, for Python and the command line. Does not import the renderer."""
 
-from collections.abc import Mapping, Sequence
+import math
+import operator
+from collections.abc import Iterable, Mapping
 from numbers import Real
-from typing import SupportsIndex
+from typing import Any, SupportsIndex
+
+from lajolla.messages import Error
 
 MOST_SAMPLES = 2**30  # per pixel, as in the core
 LARGEST = 65536  # width or height of a picture
@@ -26,7 +30,7 @@ LIMITS: dict[str, tuple[tuple[int, int], ...]] = {
 COMPRESSIONS = ("none", "rle", "zip", "zips", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab")
 
 
-class OptionError(ValueError):
+class OptionError(Error, ValueError):
     """A render option that does not fit the scene."""
 
 
@@ -48,18 +52,38 @@ def check_mapping(name: str, value: object) -> None:
         raise TypeError(f"{name} must be a dict, not {value!r}")
 
 
-def check(name: str, value: object) -> None:
-    """Raises OptionError if a value is not valid for an option; None, the scene's own value, is valid."""
+def whole(value: object) -> int | None:
+    """A whole number as Python's own: also one of NumPy's, or a float such as 4.0. None for anything else."""
+    if isinstance(value, bool):
+        return None
+    if isinstance(value, SupportsIndex):
+        try:
+            return operator.index(value)
+        except TypeError:  # NumPy's truth values, and arrays
+            return None
+    real = float(value) if isinstance(value, Real) else math.nan
+    return int(real) if real.is_integer() else None
+
+
+def check(name: str, value: object) -> Any:  # noqa: ANN401
+    """The value of an option, with Python's whole numbers; None, the scene's own value, stays.
+
+    Raises OptionError if it is not valid.
+    """
     limits = LIMITS[name]
     if value is None:
-        return
+        return None
     values = [value]
     if len(limits) > 1:
-        if not isinstance(value, Sequence) or len(value) != len(limits):
+        values = list(value) if hasattr(value, "__len__") and isinstance(value, Iterable) else []
+        if len(values) != len(limits) or isinstance(value, str | Mapping):
             raise OptionError(f"{name} must be {len(limits)} whole numbers, not {value!r}")
-        values = list(value)
-    for number, (lowest, highest) in zip(values, limits, strict=True):
-        if isinstance(number, bool) or not isinstance(number, SupportsIndex):
-            raise OptionError(f"{name} must be a whole number, not {number!r}")
-        if not lowest <= number.__index__() <= highest:
+    numbers = []
+    for given, (lowest, highest) in zip(values, limits, strict=True):
+        number = whole(given)
+        if number is None:
+            raise OptionError(f"{name} must be a whole number, not {given!r}")
+        if not lowest <= number <= highest:
             raise OptionError(f"{name} must be in {lowest} to {highest}, not {number}")
+        numbers.append(number)
+    return tuple(numbers) if len(limits) > 1 else numbers[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +19,11 @@ from lajolla.colour import FloatImage
 from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
 from lajolla.description_changes import description_changes
 from lajolla.image import Image
-from lajolla.limits import MOST_SAMPLES, OptionError, check, check_flag, check_mapping
+from lajolla.limits import MOST_SAMPLES, OptionError, check, check_flag, check_mapping, whole
 from lajolla.messages import names_checked, suggestion, warn
 from lajolla.objects import ObjectLayers
 from lajolla.options import Options, apply_options, apply_to_view
-from lajolla.params import Params
+from lajolla.params import ParamError, Params
 from lajolla.picture_files import ImageWarning
 from lajolla.queries import Intersections, intersections_of, occlusion_of
 from lajolla.render import Progress, Rendering, StopRules, available_threads
@@ -36,7 +36,22 @@ OUTPUT = ("integrator", "other_integrators", "channels")  # entries of a descrip
 
 
 class Scene:
-    """A scene ready to be rendered; made by `load` and `load_dict`."""
+    """A scene ready to be rendered; made by `load` and `load_dict`.
+
+    `scene[path]` reads and `scene[path] = value` changes a parameter, see `params`; `path in scene` tells
+    whether there is one, and iteration gives the paths. A sensor that is not in use is also reached by its
+    id: `scene["second.fov"]`.
+
+    Attributes:
+        width, height: of the picture, in pixels.
+        params: all parameters by their paths.
+        warnings: what is not rendered as written, also of changes: a list of SceneWarning.
+        sensors: the ids of all sensors, or their numbers if they have none; empty for a scene without one.
+        sensor: the one in use.
+        aovs: the variables that are rendered beside the picture.
+        film: how pictures are written.
+        load_seconds, build_seconds: the time to read files, and to build acceleration structures and tables.
+    """
 
     def __init__(
         self,
@@ -93,8 +108,29 @@ class Scene:
         return self._params
 
     def __getitem__(self, path: str) -> Any:  # noqa: ANN401
-        """The value of a parameter; the same as `params[path]`."""
+        """The value of a parameter; the same as `params[path]`, and those of sensors that are not in use."""
+        view = self._view_of(path)
+        if view:
+            return self.with_sensor(view).params[_in_view(path)]
         return self.params[path]
+
+    def __contains__(self, path: object) -> bool:
+        try:
+            self[str(path)]
+        except ParamError:
+            return False
+        return True
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.params)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.params)
+
+    def _view_of(self, path: object) -> str:
+        """The sensor whose parameter a path means, if it is not the one in use; else ""."""
+        name = str(path).rpartition(".")[0]
+        return name if name in self.description.views and name not in self.params.objects else ""
 
     def __setitem__(self, path: str, value: object) -> None:
         """Changes a parameter; see `with_params`. Renderings that were made before are not affected."""
@@ -125,6 +161,8 @@ class Scene:
         """
         check_mapping("values", values)
         before = self._as_it_is()
+        if names := {name: None for path in values if (name := before._view_of(path))}:
+            return before._with_views(names, values)
         edits = before.params.edits(values)
         changes, core = edits.changes(), edits.description()
         try:
@@ -137,7 +175,22 @@ class Scene:
         result.core = changed
         result.description = replace(before.description, core=core, objects=edits.known_after())
         result._params = before.params.after(edits, result.description)
+        replaced = {f"params[{path}]" for path in values}
+        kept = [warning for warning in before.warnings if str(warning.location) not in replaced]
+        result.warnings = [*kept, *edits.warnings]
         return result
+
+    def _with_views(self, names: Iterable[str], values: Mapping[str, Any]) -> Scene:
+        """The scene with other values of parameters, also of sensors that are not in use."""
+        views = dict(self.description.views)
+        for name in names:
+            own = {path: value for path, value in values.items() if self._view_of(path) == name}
+            seen = self.with_sensor(name).with_params({_in_view(path): own[path] for path in own})
+            views[name] = replace(seen._own_view(views[name].entries), warnings=views[name].warnings)
+        result = self._as_it_is()
+        result.description = replace(self.description, views=views)
+        result._params = self._params.of(result.description, self._places)
+        return result.with_params({p: v for p, v in values.items() if not self._view_of(p)})
 
     def _as_it_is(self) -> Scene:
         """The scene at one moment; another thread may change it in the next."""
@@ -178,7 +231,7 @@ class Scene:
         changed = self.core.with_changes(entries)
         assert changed is not None  # the scene stays where it is
         result = self._copy(changed, {**self.description.core, **entries})
-        objects = self.description.objects.with_plugins(entries, view.plugins)
+        objects = self.description.objects.with_view(entries, view.plugins, view.ids)
         result._places = self._places.with_places(view.places)
         result._describe(replace(result.description, views=views, objects=objects))
         result.film = view.film
@@ -186,16 +239,17 @@ class Scene:
 
     def _own_view(self, names: Iterable[str]) -> View:
         """That of the sensor in use, of these entries."""
-        known, core = self.description.objects.plugins, self.description.core
-        plugins = {name: known[name] for name in names if name in known}
+        known, core = self.description.objects, self.description.core
+        plugins = {name: known.plugins[name] for name in names if name in known.plugins}
+        ids = {name: known.ids[name] for name in names if name in known.ids}
         places = {name: place for name in names if (place := self._places.find(name)) is not None}
-        return View({name: core[name] for name in names}, self.film, plugins, places)
+        return View({name: core[name] for name in names}, self.film, plugins, places, ids=ids)
 
     def _sensor_name(self, sensor: int | str) -> str:
         if sensor in self.sensors:
             return str(sensor)
-        number = int(sensor) if str(sensor).isdecimal() else -1
-        if not 0 <= number < len(self.sensors):
+        number = int(sensor) if isinstance(sensor, str) and sensor.isdecimal() else whole(sensor)
+        if number is None or not 0 <= number < len(self.sensors):
             raise OptionError(f"unknown sensor {sensor!r}{suggestion(str(sensor), self.sensors)}")
         return self.sensors[number]
 
@@ -259,7 +313,7 @@ class Scene:
             >>> hits = scene.intersect((0, 1, 5), [[0, 0, -1], [0, 1, 0]])
             >>> hits.distance[hits.hit]
         """
-        check("threads", threads)
+        threads = check("threads", threads)
         return intersections_of(self.core, self.description, origins, directions, max_distance, threads or 0)
 
     @names_checked
@@ -272,7 +326,7 @@ class Scene:
         threads: int | None = None,
     ) -> NDArray[np.bool_]:
         """Whether rays meet any surface: (N,); see `intersect`, which takes longer."""
-        check("threads", threads)
+        threads = check("threads", threads)
         return occlusion_of(self.core, origins, directions, max_distance, threads or 0)
 
     @names_checked
@@ -285,22 +339,26 @@ class Scene:
         adaptive: bool | None = None,
         seed: int | None = None,
         threads: int | None = None,
+        sensor: int | str | None = None,
+        aovs: Sequence[str] = (),
         first_sample: int = 0,
         cluster: str | Client | None = None,
         mixed: bool = False,
     ) -> Rendering:
-        """A Rendering to run step by step; see `render`.
+        """A Rendering to run step by step; see `render` for the options.
+
+        `render(denoise=True)` is `rendering().image().denoise(scene.features())`.
 
         Args:
             first_sample: index of the first sample of each pixel, in its sequence of samples. Renders of
                 different ranges of samples can be merged.
         """
-        numbers = (("spp", spp), ("seed", seed), ("threads", threads), ("sample", first_sample))
-        for name, value in numbers:
-            check(name, value)
+        scene = (self if sensor is None else self.with_sensor(sensor)).with_aovs(aovs)
+        spp, seed, threads = check("spp", spp), check("seed", seed), check("threads", threads)
+        first_sample = check("sample", first_sample)
         check_flag("mixed", mixed)
         if spp is None and seconds is None and noise is None:
-            spp = self.core.sample_count
+            spp = scene.core.sample_count
         if spp is not None and first_sample + spp > MOST_SAMPLES:
             raise OptionError(f"sample {first_sample + spp - 1} is beyond the last, {MOST_SAMPLES - 1}")
         rules = StopRules(
@@ -310,33 +368,33 @@ class Scene:
             adaptive=noise is not None if adaptive is None else adaptive,
             most=MOST_SAMPLES - first_sample,
         )
-        seed = self.core.seed if seed is None else seed
+        seed = scene.core.seed if seed is None else seed
         if cluster is not None:
             from lajolla.cluster import ClusterRendering  # here, as it takes long
 
             return ClusterRendering(
-                self.core,
-                self.description.core,
+                scene.core,
+                scene.description.core,
                 cluster=cluster,
                 mixed=mixed,
                 rules=rules,
                 seed=seed,
                 threads=threads,
-                film=self.film,
+                film=scene.film,
                 first_sample=first_sample,
             )
         threads = available_threads() if threads is None else threads
-        if spp is not None and spp < 2 and VARIANCE in self.aovs:
+        if spp is not None and spp < 2 and VARIANCE in scene.aovs:
             raise OptionError("the aov 'variance' needs at least two samples per pixel")
         return Rendering(
-            self.core,
-            self.description.core,
+            scene.core,
+            scene.description.core,
             rules=rules,
             seed=seed,
             threads=threads,
-            film=self.film,
+            film=scene.film,
             first_sample=first_sample,
-            layers=self._object_layers(seed, first_sample, threads),
+            layers=scene._object_layers(seed, first_sample, threads),
         )
 
     def _object_layers(self, seed: int, first_sample: int, threads: int) -> ObjectLayers:
@@ -357,7 +415,7 @@ class Scene:
         aovs: Sequence[str] = (),
         cluster: str | Client | None = None,
         mixed: bool = False,
-        progress: Callable[[Progress], None] = lambda progress: None,
+        progress: Callable[[Progress], None] | None = None,
         denoise: bool = False,
     ) -> Image:
         """Renders the picture, until the first of spp, seconds and noise is reached.
@@ -406,7 +464,8 @@ class Scene:
         features = None
         if denoise:
             waiting = Progress(0.0, 0.0, rendering.rules)
-            features = scene.features(seed=seed, threads=threads, observe=lambda _: progress(waiting))
+            report = (lambda _: progress(waiting)) if progress else None
+            features = scene.features(seed=seed, threads=threads, progress=report)
         rendering.run(progress)
         image = rendering.image()
         if features is None:
@@ -420,7 +479,7 @@ class Scene:
     async def render_async(
         self,
         *,
-        progress: Callable[[Progress], None] = lambda progress: None,
+        progress: Callable[[Progress], None] | None = None,
         **options: Any,  # noqa: ANN401
     ) -> Image:
         """Renders in another thread, while the event loop goes on; options and errors are those of `render`.
@@ -435,7 +494,8 @@ class Scene:
         def work(checkpoint: Callable[[], None]) -> Image:
             def observe(state: Progress) -> None:
                 checkpoint()
-                progress(state)
+                if progress is not None:
+                    progress(state)
 
             return self.render(progress=observe, **options)
 
@@ -447,15 +507,14 @@ class Scene:
         *,
         seed: int | None = None,
         threads: int | None = None,
-        observe: Callable[[Progress], None] = lambda progress: None,
+        progress: Callable[[Progress], None] | None = None,
     ) -> dict[str, FloatImage]:
         """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.z", by their names.
 
         They show the first surface that is neither a mirror nor glass, with little noise; see
         docs/denoising.md. Raises OptionError if the integrator shows no light.
         """
-        for name, value in (("seed", seed), ("threads", threads)):
-            check(name, value)
+        seed, threads = check("seed", seed), check("threads", threads)
         output = features_output(self.description.core["integrator"])
         rendering = Rendering(
             self.core.with_output(output),
@@ -464,7 +523,7 @@ class Scene:
             seed=self.core.seed if seed is None else seed,
             threads=available_threads() if threads is None else threads,
         )
-        rendering.run(observe)
+        rendering.run(progress)
         image = rendering.image()
         return {**dict(zip(LAYERS["albedo"], np.moveaxis(image.array, 2, 0), strict=True)), **image.channels}
 
@@ -475,8 +534,7 @@ class Scene:
         x and y count from the top left corner of the film, with or without a crop window. Unlike in a
         picture, values that are not finite are kept. Raises OptionError outside of the picture.
         """
-        for name, value in (("pixel", (x, y)), ("sample", sample), ("seed", seed)):
-            check(name, value)
+        (x, y), sample, seed = check("pixel", (x, y)), check("sample", sample), check("seed", seed)
         left, top = self.core.crop_offset
         if not (left <= x < left + self.width and top <= y < top + self.height):
             begin = f", which begins at {left},{top}" if left or top else ""
@@ -485,6 +543,12 @@ class Scene:
         samples = range(self.core.sample_count) if sample is None else [sample]
         values = [_core.sample_radiance(self.core, seed, x, y, index) for index in samples]
         return np.mean(np.asarray(values, np.float64), axis=0)
+
+
+def _in_view(path: str) -> str:
+    """The path of a sensor's parameter when it is in use; a sensor without an id is named by its number."""
+    name, _, param = str(path).rpartition(".")
+    return f"sensor.{param}" if name.isdecimal() else path
 
 
 def _output_of(core: Mapping[str, Any]) -> dict[str, Any]:

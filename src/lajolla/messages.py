@@ -12,6 +12,10 @@ from typing import TypeVar, cast
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
+class Error(Exception):
+    """The base of all errors that this package raises for what it was given; messages state the reason."""
+
+
 class LajollaWarning(UserWarning):
     """A request that is not fulfilled exactly; shown or filtered by Python's `warnings`."""
 
@@ -20,7 +24,7 @@ class ClusterWarning(LajollaWarning):
     """A worker takes no part in a render, or there are none."""
 
 
-class ClusterError(Exception):
+class ClusterError(Error):
     """The workers or their scheduler cannot be used, or not any more; the message states why."""
 
 

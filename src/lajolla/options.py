@@ -27,9 +27,9 @@ class Options:
 
     def __post_init__(self) -> None:
         """Raises OptionError for invalid values."""
-        for name, value in vars(self).items():
+        for name, value in list(vars(self).items()):
             if name in LIMITS and not (name == "sensor" and isinstance(value, str)):
-                check(name, value)
+                object.__setattr__(self, name, check(name, value))
         check_flag("hide_emitters", self.hide_emitters)
         object.__setattr__(self, "aovs", check_aovs(self.aovs))
         _check_name("sampler", self.sampler, lambda: list(core_schema()["sampler"]))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lajolla.messages import LajollaWarning
+from lajolla.messages import Error, LajollaWarning
 
 # Limits of the bytes of one picture, and of all pictures of a scene: a constant plus MAX_RATIO per byte of
 # the files, so that a small file cannot request all memory. Deflate compresses constant images by a factor of
@@ -22,8 +22,15 @@ class PictureError(Exception):
     """A picture that OpenImageIO cannot read; the message is the reason alone."""
 
 
-class ImageError(Exception):
+class ImageError(Error):
     """A picture that cannot be read, written or compared; the message names the file and the reason."""
+
+
+class MissingImageError(ImageError, FileNotFoundError):
+    """A picture whose file does not exist."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class ImageWarning(LajollaWarning):

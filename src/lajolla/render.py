@@ -87,6 +87,10 @@ class Progress:
         return self.seconds * (1 - self.fraction) / self.fraction if self.fraction else math.inf
 
 
+def unobserved(progress: Progress) -> None:
+    """For renders whose progress nobody follows."""
+
+
 class RenderCancelled(RuntimeError):
     """The accumulator of a rendering was cancelled, from another thread."""
 
@@ -148,11 +152,15 @@ class Rendering:
         return image
 
     @names_checked
-    def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:
-        """Renders until a stop rule is met; calls `observe` in this thread about ten times a second."""
+    def run(self, progress: Callable[[Progress], None] | None = None) -> None:
+        """Renders until a stop rule is met; calls `progress` in this thread about ten times a second."""
         with ThreadPoolExecutor(1) as worker:
             for counts in self._passes():
-                self._advance(counts, worker, observe)
+                self._advance(counts, worker, progress or unobserved)
+
+    def __repr__(self) -> str:
+        height, width = self.accumulator.pixel_counts().shape
+        return f"<lajolla.Rendering, {width} x {height} pixels, {self.samples:g} samples per pixel so far>"
 
     def _passes(self) -> Iterator[Counts]:
         """The numbers of samples after each pass."""

@@ -50,6 +50,9 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
             hide_emitters=arguments.hide_emitters,
             aovs=arguments.aovs,
         )
+    if arguments.sensor is None and len(scene.sensors) > 1:
+        listed = f"the scene has {len(scene.sensors)} sensors, {', '.join(scene.sensors)}"
+        scene.warnings.append(lajolla.SceneWarning(f'{listed}; "{scene.sensor}" is used'))
     if arguments.previous:
         arguments.previous.scene = scene
     return scene
@@ -147,7 +150,7 @@ def _run_and_save(
                 if arguments.denoise:  # first, so that an interrupted picture can be denoised too
                     with displayed(label="features: ") as observe:
                         features = scene.features(
-                            threads=arguments.threads, observe=patience.stopping(observe)
+                            threads=arguments.threads, progress=patience.stopping(observe)
                         )
                 with displayed() as observe:
                     rendering.run(patience.stopping(_saving(saver, observe)))

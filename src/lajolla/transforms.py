@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,10 @@ Triple = Sequence[float] | npt.NDArray[np.floating]
 
 
 def _three(name: str, value: Triple) -> Matrix:
-    array = np.asarray(value, np.float64)
+    try:
+        array = np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be three finite numbers, not {value!r}") from None
     if array.shape != (3,) or not np.all(np.isfinite(array)):
         raise ValueError(f"{name} must be three finite numbers, not {value!r}")
     return array
@@ -33,8 +37,8 @@ def translate(offset: Triple) -> Matrix:
 
 def scale(factors: float | Triple) -> Matrix:
     """Scales by one factor, or by one along each axis. Raises ValueError for other values."""
-    given = np.asarray(factors, np.float64)
-    return transforms.scale(_three("factors", np.full(3, given) if given.ndim == 0 else given))
+    factor: Any = factors
+    return transforms.scale(_three("factors", (factor,) * 3 if np.ndim(factor) == 0 else factor))
 
 
 def rotate(axis: Triple, degrees: float) -> Matrix:
@@ -59,7 +63,7 @@ def look_at(origin: Triple, target: Triple, up: Triple = (0.0, 1.0, 0.0)) -> Mat
     Raises:
         ValueError: origin and target are the same, or up points along the view.
     """
-    points = (_three(name, value) for name, value in (("origin", origin), ("target", target), ("up", up)))
+    points = [_three(name, value) for name, value in (("origin", origin), ("target", target), ("up", up))]
     try:
         return transforms.look_at(*points)
     except ValueError:

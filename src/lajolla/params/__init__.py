@@ -16,6 +16,7 @@ from itertools import islice
 from typing import Any
 
 from lajolla import _core
+from lajolla.messages import Error
 from lajolla.params import combined
 from lajolla.params.edits import Edits
 from lajolla.params.objects import (
@@ -35,7 +36,7 @@ from lajolla.scene.schema import Field
 __all__ = ["Info", "ParamError", "Params", "SceneObject"]
 
 
-class ParamError(KeyError):
+class ParamError(Error, KeyError):
     """There is no parameter of this path; the message names the most similar one."""
 
     def __str__(self) -> str:
@@ -69,8 +70,8 @@ class Params(Mapping[str, Any]):
     """All parameters of a scene: a mapping of paths, such as "red.reflectance", to values.
 
     Values are NumPy arrays (colours, vectors, matrices, pixels (height, width, 1 or 3), voxels, and the
-    arrays of meshes) or Python's numbers, truth values and strings. Arrays are read-only: what is written into
-    one would not change the scene; change a copy, and set that. What refers to another object, such as
+    arrays of meshes) or Python's numbers, truth values and strings. Arrays are read-only: what is written
+    into one would not change the scene; change a copy, and set that. What refers to another object, such as
     a reflectance to a texture, has the name of that object as its value.
     """
 
@@ -203,7 +204,7 @@ class Params(Mapping[str, Any]):
         else:
             own = list(self._params_of(found))
             read_as = param in plugin_fields(found.kind, self._known.plugins.get(found.entry, found.model))
-            hint = "" if read_as else nearest_hint(str(path), [f"{name}.{p}" for p in own])
+            hint = "" if read_as else nearest_hint(param, own, f"{name}.")
             hint = hint or f"; {name} has {', '.join(own[:MOST_LISTED])}"
         return ParamError(f"the scene has no parameter {path!r}{hint}")
 
@@ -349,9 +350,9 @@ OTHERS = {
 ARRAY = Field("attribute", "array", "(N or M, channels) values per vertex or per face")
 
 
-def nearest_hint(path: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(path, known, n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""
+def nearest_hint(name: str, known: list[str], before: str = "") -> str:
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean {before + near[0]!r}?" if near else ""
 
 
 def plugin_fields(kind: str, plugin: str) -> Collection[str]:

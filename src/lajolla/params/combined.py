@@ -1,4 +1,4 @@
-"""Parameters of scene files and dicts that stand for several of an object: alpha, material, sigma_t, albedo."""
+"""Parameters of scene files and dicts that stand for several: alpha, material, sigma_t, albedo."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def written(given: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any
         total, known = _extinction(parts)
         sigma_t = _colour("sigma_t", given.get("sigma_t", total))
         albedo = _colour("albedo", given.get("albedo", known))
-        if not np.all((0 <= albedo) & (albedo <= 1)):
+        if not np.all((albedo >= 0) & (albedo <= 1)):
             raise SceneError(f"albedo must be between 0 and 1, not {given['albedo']!r}")
         result |= {"sigma_s": albedo * sigma_t, "sigma_a": sigma_t - albedo * sigma_t}
     return result

@@ -45,8 +45,8 @@ class SceneObject:
         model: the model that it is in the core, as in `lajolla list`.
         entry: of the description that it is, such as "bsdfs[3]".
         inner: names of the fields that lead to it within that entry: ("base",) for what a coating covers.
-        owner: of a bsdf or an adapter without an id, if the reader stored it once for equal ones: the entry of
-            the shape, or of the adapter with an id, that this one is a part of; else "".
+        owner: of a bsdf or an adapter without an id, if the reader stored it once for equal ones: the entry
+            of the shape, or of the adapter with an id, that this one is a part of; else "".
     """
 
     name: str
@@ -147,10 +147,10 @@ def objects_of(
 class _Namer:
     """Names objects from the scene's shapes downwards.
 
-    `owner` is the entry of the nearest object above that cannot be stored together with an equal one: a shape,
-    or an adapter with an id. When a scene was loaded, bsdfs and adapters without an id that several owners
-    refer to are objects of their own, which the reader stored once because they are equal. After a change,
-    what has several users is one object, as these were made the same by name.
+    `owner` is the entry of the nearest object above that cannot be stored together with an equal one: a
+    shape, or an adapter with an id. When a scene was loaded, bsdfs and adapters without an id that several
+    owners refer to are objects of their own, which the reader stored once because they are equal. After a
+    change, what has several users is one object, as these were made the same by name.
     """
 
     def __init__(self, lists: Lists, known: Objects, before: Mapping[str, SceneObject]) -> None:

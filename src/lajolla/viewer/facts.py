@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -127,9 +126,7 @@ def _seen(scene: Scene, x: int, y: int) -> Json:
     found: Json = {"shape": names.get(f"shapes[{shape}]", ""), "distance": distance(scene, x, y)}
     if found["shape"]:
         found["place"] = _place(scene, found["shape"])
-    front = scene.description.core["materials"][material]["front"] if material >= 0 else -1
-    entry = f"adapters[{front['adapter']}]" if isinstance(front, Mapping) else f"bsdfs[{front}]"
-    if (bsdf := names.get(entry)) is not None:
+    if material >= 0 and (bsdf := scene.params[f"{found['shape']}.bsdf"]) is not None:
         found |= {
             "material": bsdf,
             "model": scene.params.info(bsdf).plugin,

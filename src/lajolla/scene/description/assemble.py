@@ -103,7 +103,8 @@ def _other_views(builder: Builder, scene: Node, chosen: Node | None) -> Iterator
         try:
             entries = _view(alone, scene, sensor)
             warnings = alone.diagnostics.warnings
-            yield name, View(entries, alone.film, alone.objects.plugins, alone.places, warnings)
+            own = alone.objects
+            yield name, View(entries, alone.film, own.plugins, alone.places, warnings, ids=own.ids)
         except SceneError as problem:
             yield name, View({}, builder.film, problem=problem)
 

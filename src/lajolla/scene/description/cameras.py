@@ -84,11 +84,7 @@ def chosen(builder: Builder, scene: Node) -> Node | None:
         return cameras[_position(scene, builder.sensor)]
     if len(cameras) < 2:
         return cameras[0] if cameras else None
-    position = len(cameras) - 1 if scene.unsaid.last_sensor else 0
-    listed = ", ".join(names(scene))
-    message = f'the scene has {len(cameras)} sensors, {listed}; "{names(scene)[position]}" is used'
-    builder.diagnostics.warn(message, cameras[position].location)
-    return cameras[position]
+    return cameras[-1 if scene.unsaid.last_sensor else 0]
 
 
 def _position(scene: Node, wanted: int | str) -> int:

@@ -99,11 +99,13 @@ class Objects:
         self.inherited.clear()
         self._met.clear()
 
-    def with_plugins(self, entries: Iterable[str], plugins: Mapping[str, str]) -> Objects:
-        """The same with other plugins of some entries, which have no ids."""
+    def with_view(
+        self, entries: Iterable[str], plugins: Mapping[str, str], own: Mapping[str, str]
+    ) -> Objects:
+        """The same with other plugins and ids of some entries."""
         kept = {name: plugin for name, plugin in self.plugins.items() if name not in entries}
         ids = {name: known for name, known in self.ids.items() if name not in entries}
-        return replace(self, ids=ids, plugins={**kept, **plugins})
+        return replace(self, ids={**ids, **own}, plugins={**kept, **plugins})
 
     def note(self, where: str, entry: Entry, node: Node) -> None:
         """Notes that an entry comes from this object."""
@@ -119,8 +121,8 @@ class Objects:
 @dataclass(frozen=True)
 class View:
     """A camera of a scene: the entries of the description that belong to it ("sensor", "film", "rfilter" and
-    "sampler"), how its picture is written, the plugins and places of the entries, and warnings about it, or
-    the problem if it cannot be used."""
+    "sampler"), how its picture is written, the plugins, places and ids of the entries, and warnings about it,
+    or the problem if it cannot be used."""
 
     entries: Entry
     film: Film
@@ -128,6 +130,7 @@ class View:
     places: Mapping[str, Location] = field(default_factory=dict)
     warnings: Sequence[SceneWarning] = ()
     problem: SceneError | None = None
+    ids: Mapping[str, str] = field(default_factory=dict)
 
     def without_places(self) -> View:
         """The same without places in files, which hold the contents of these."""

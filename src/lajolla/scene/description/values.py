@@ -16,7 +16,7 @@ from ..formats.spectra import read_spd
 from ..schema import Field
 from ..syntax.errors import SceneError, did_you_mean, reason_of
 from ..syntax.files import find_file
-from ..syntax.foreign import is_mesh, type_name
+from ..syntax.foreign import is_mesh, mesh_colours, type_name
 from ..syntax.literals import Text, parse_numbers
 from ..syntax.members import Irregular
 from ..syntax.nodes import Array, Blackbody, Column, Node, Property, Rgb, Spectrum, SpectrumFile, Vector
@@ -325,7 +325,8 @@ def _mesh(context: Context, owner: Node, prop: Property, field: Field) -> _core.
             raise ValueError("its faces name vertices that are not there")
         uvs = getattr(getattr(given, "visual", None), "uv", None)
         uvs = None if uvs is None else np.ascontiguousarray(uvs, np.float32)
-        mesh = _core.Mesh(vertices, faces.astype(np.uint32), None, uvs)
+        attributes = mesh_colours(given, len(vertices), len(faces))
+        mesh = _core.Mesh(vertices, faces.astype(np.uint32), None, uvs, attributes)
     except (TypeError, ValueError) as problem:
         what = f"the {type_name(given)} is no triangle mesh"
         raise SceneError(f"{what}: {reason_of(problem)}", prop.location) from None

@@ -69,6 +69,7 @@ def _table(name: str, value: object) -> Array:
     if name not in COLUMNS and not name.startswith(ATTRIBUTES):
         raise ValueError(f'the name of a mesh attribute begins with vertex_ or face_, not "{name}"')
     table, columns = np.asarray(value), COLUMNS.get(name, 1)
+    given = table.shape
     if table.dtype.kind not in ("iu" if name == "triangles" else "iuf"):
         what = "whole numbers, indices of positions" if name == "triangles" else "real numbers"
         raise ValueError(f"{name} must be {what}, not {_described(table)}")
@@ -76,7 +77,7 @@ def _table(name: str, value: object) -> Array:
         table = table.reshape(-1, columns)
     if table.ndim != 2 or (name in COLUMNS and table.shape[1] != columns):
         shape = f"(count, {COLUMNS.get(name, 'channels')})"
-        raise ValueError(f"{name} must have the shape {shape}, not {np.shape(value)}")
+        raise ValueError(f"{name} must have the shape {shape}, not {given}")
     if name != "triangles":
         return np.ascontiguousarray(table, np.float32)
     if table.size and not 0 <= table.min() <= table.max() < 2**32:

@@ -14,7 +14,7 @@ from .errors import Location, SceneError, Source, did_you_mean, nearest
 from .expand import LATEST
 from .foreign import is_mesh, plain
 from .literals import Text, checked_spectrum, parse_rgb
-from .nodes import KINDS, Node, Property, Reference, Rgb, Spectrum, SpectrumFile, Value, Vector
+from .nodes import KINDS, Node, Property, Reference, Rgb, Spectrum, SpectrumFile, Unsaid, Value, Vector
 from .resolve import MAX_NESTING
 from .transforms import look_at
 from .typed import Tree
@@ -26,6 +26,7 @@ Names: TypeAlias = Mapping[str, Collection[str]]  # of plugins in lower case, by
 MOST_REPEATED = 1 << 14
 MOST_MEETINGS = 64
 MOST_SAMPLES = 1 << 16  # of a spectrum
+NO_CAMERA_NEEDED = Unsaid(camera=True)  # a program may only trace rays
 TABLES = ("attributes",)  # parameters that are dicts of arrays
 LOSSY = ("roughconductor", "roughdielectric", "roughplastic")  # where microfacets shadow each other
 
@@ -48,7 +49,7 @@ def nodes_from_dict(scene: Mapping[str, Any], base_path: Path, known: Names, rep
     kind = scene.get("type") if isinstance(scene, Mapping) else None
     if not isinstance(kind, str) or kind != "scene":
         raise SceneError('the dict must have {"type": "scene"}', Location(source))
-    root = Node("scene", "scene", Location(source), Location(source))
+    root = Node("scene", "scene", Location(source), Location(source), unsaid=NO_CAMERA_NEEDED)
     reader.tree = Tree(root, nodes=[root])
     reader.properties(scene, root, [])
     give_back_lost_light(reader.tree.nodes)

@@ -13,7 +13,7 @@ from lajolla.messages import shortened
 
 from .element import Element
 from .errors import Diagnostics, Location, SceneError, Source
-from .files import file_bytes
+from .files import MissingFile, file_bytes
 from .members import Run
 from .nodes import KINDS
 from .runs import add_to_run, extend_run
@@ -40,8 +40,12 @@ def read_source(path: Path, diagnostics: Diagnostics, data: bytes | None = None)
 def _bytes_of(path: Path, source: Source) -> bytes:
     try:
         if not path.is_file():
-            raise SceneError("no such file" if not path.exists() else "not a file", Location(source))
+            if not path.exists():
+                raise MissingFile("no such file", Location(source))
+            raise SceneError("not a file", Location(source))
         return file_bytes(path)
+    except MissingFile:
+        raise
     except OSError as problem:
         if problem.errno == errno.ENAMETOOLONG:
             source.name = shortened(path)

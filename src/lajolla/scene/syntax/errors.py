@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
 
-from lajolla.messages import LajollaWarning
+from lajolla.messages import Error, LajollaWarning
 
 EXCERPT_WIDTH = 100
 MOST_WARNINGS = 1000  # that differ
@@ -104,7 +104,7 @@ def format_message(severity: str, message: str, location: Location | None) -> st
     return f"{location}: {severity}: {message}{location.excerpt()}"
 
 
-class SceneError(Exception):
+class SceneError(Error):
     """A scene that cannot be read; `str()` is the full message with place, excerpt and caret."""
 
     def __init__(self, message: str, location: Location | None = None) -> None:

@@ -34,8 +34,8 @@ def file_bytes(path: Path) -> bytes:
     return data
 
 
-class MissingFile(SceneError):
-    """A file of a scene does not exist."""
+class MissingFile(SceneError, FileNotFoundError):
+    """A scene's file, or one that it names, does not exist."""
 
 
 def identity(path: Path) -> tuple[int, int, int, int]:

@@ -54,6 +54,25 @@ def is_mesh(value: Any) -> bool:  # noqa: ANN401
     return hasattr(value, "vertices") and has_faces and not isinstance(value, np.ndarray)
 
 
+def mesh_colours(mesh: Any, vertices: int, faces: int) -> dict[str, np.ndarray[Any, Any]]:  # noqa: ANN401
+    """The colours of a mesh as its attributes "vertex_color" and "face_color", linear.
+
+    trimesh has them in `visual`, where integers are sRGB, as everywhere; Open3D in `vertex_colors`.
+    """
+    visual = getattr(mesh, "visual", None)
+    kind = getattr(visual, "kind", None)
+    given = getattr(visual, f"{kind}_colors", None) if kind in ("vertex", "face") else None
+    if given is None and visual is None:
+        kind, given = "vertex", getattr(mesh, "vertex_colors", None)
+    colours = np.zeros((0, 3)) if given is None else np.asarray(given)
+    if colours.ndim != 2 or colours.shape[1] < 3 or len(colours) != (vertices if kind == "vertex" else faces):
+        return {}
+    colours = colours[:, :3]
+    if colours.dtype.kind in "iu":
+        colours = decode_srgb(colours.astype(np.float32) / np.float32(255))
+    return {f"{kind}_color": np.ascontiguousarray(colours, np.float32)}
+
+
 def type_name(value: object) -> str:
     kind = type(value)
     return kind.__qualname__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__qualname__}"

@@ -135,6 +135,8 @@ def hierarchical_voxels(context: Context, node: Node) -> tuple[Voxels, Location]
 
     try:
         return read_hierarchical(path, file_of), location
+    except SceneError:
+        raise
     except (OSError, MemoryError, VoxelError) as problem:
         reason = str(problem) or "it does not fit into memory"
         raise SceneError(f'"{path}" cannot be used as a volume: {reason}', location) from None
