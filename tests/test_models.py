@@ -98,6 +98,34 @@ def test_wrong_directions_are_refused() -> None:
         bsdf.sample((0, 0, 1), 0.5)
 
 
+def test_samples_that_are_not_valid_have_the_value_zero() -> None:
+    bsdf = lajolla.Bsdf({"type": "roughconductor", "alpha": 0.9, "multiscatter": False})
+    wo = (0.95, 0, 0.1)
+    samples = bsdf.sample(wo, 1000)
+    assert not samples.valid.all()
+    values, density = bsdf.eval(wo, samples.wi), bsdf.pdf(wo, samples.wi)
+    assert not values[~samples.valid].any()
+    assert not density[~samples.valid].any()
+    kept = samples.valid
+    assert np.allclose(values[kept], samples.weight[kept] * samples.pdf[kept, None], rtol=1e-3)
+    assert lajolla.Phase({"type": "hg"}).eval((0, 0, 1), (0, 0, 0)).tolist() == [0]
+    assert samples == samples
+
+
+def test_models_warn_as_scenes_do() -> None:
+    for model, description, message in (
+        (lajolla.Bsdf, {"type": "roughconductor", "alpha": -1}, "below 0"),
+        (lajolla.Bsdf, {"type": "diffuse", "reflectance": 3}, "above 1"),
+        (lajolla.Phase, {"type": "hg", "g": 1.8}, "above 0.999"),
+    ):
+        with pytest.warns(lajolla.SceneWarning, match=message) as caught:
+            made = model(description)
+        assert len(caught) == 1
+        assert description["type"] in repr(made)
+    with pytest.raises(lajolla.SceneError, match='expected a bsdf, got the phase "hg"'):
+        lajolla.Bsdf({"type": "hg"})
+
+
 # Pictures
 
 

@@ -19,18 +19,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from lajolla import _core
 from lajolla.colour import FloatImage
-from lajolla.limits import OptionError, check, check_mapping
+from lajolla.limits import OptionError, check, check_mapping, whole
 from lajolla.loading import load_dict
-from lajolla.scene import SceneError, describe
+from lajolla.messages import warn
+from lajolla.scene import SceneError, SceneWarning, describe, plugins_by_kind
 
 Truths = NDArray[np.bool_]
 Sides = tuple[dict[str, Any], dict[str, Any] | None]  # descriptions of front and back
 
 CAMERA = {"type": "perspective", "film": {"type": "hdrfilm", "width": 1, "height": 1}}
 FRAME = {"type": "scene", "integrator": {"type": "volpath"}, "sensor": CAMERA}
+SKY = {"sky": {"type": "constant"}}  # so that there is no warning of a dark scene
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BsdfSamples:
     """N sampled directions.
 
@@ -64,13 +66,16 @@ class Bsdf:
     """
 
     def __init__(self, description: Mapping[str, Any]) -> None:
-        check_mapping("description", description)
-        core = _described({"type": "sphere", "bsdf": description})
+        core = _described("bsdf", description, {"type": "sphere", "bsdf": description})
         material = core["materials"][0]
         front, back = material["front"], material["back"]
         if not isinstance(front, int) or not isinstance(back, int) or front < 0:
             raise SceneError("a Bsdf is a single one: no blend, mask or map of normals")
         self.__setstate__((core["bsdfs"][front], core["bsdfs"][back] if back >= 0 else None))
+
+    def __repr__(self) -> str:
+        front, back = self._described
+        return f"<lajolla.Bsdf, {front['type']}{', and one behind' if back else ''}>"
 
     def __getstate__(self) -> Sides:
         return self._described
@@ -82,7 +87,9 @@ class Bsdf:
         self.back = None if back is None else _core_bsdf(back)
 
     def eval(self, wo: ArrayLike, wi: ArrayLike) -> FloatImage:
-        """Values times the cosine of wi: (N, 3), for (N, 3) or (3,) directions; 0 for specular parts."""
+        """Values times the cosine of wi: (N, 3), for (N, 3) or (3,) directions; 0 for specular parts.
+
+        Where wi is zero, as of samples that are not valid, values are 0."""
         return np.asarray(self._evaluated(wo, wi)[0])
 
     def pdf(self, wo: ArrayLike, wi: ArrayLike) -> FloatImage:
@@ -101,10 +108,15 @@ class Bsdf:
         return BsdfSamples(**{name: found[name] for name in BsdfSamples.__dataclass_fields__})
 
     def _evaluated(self, wo: ArrayLike, wi: ArrayLike) -> tuple[FloatImage, FloatImage]:
-        rows = _pairs(wo, wi)
-        values, density = self.front.eval_many(*rows)
-        if self.back is not None and (below := rows[0][:, 2] < 0).any():
-            others, other_density = self.back.eval_many(rows[0] * TURN, rows[1] * TURN)
+        outgoing, incoming, absent = _pairs(wo, wi)
+        values, density = self._evaluated_present(outgoing, incoming)
+        values[absent], density[absent] = 0, 0
+        return values, density
+
+    def _evaluated_present(self, wo: FloatImage, wi: FloatImage) -> tuple[FloatImage, FloatImage]:
+        values, density = self.front.eval_many(wo, wi)
+        if self.back is not None and (below := wo[:, 2] < 0).any():
+            others, other_density = self.back.eval_many(wo * TURN, wi * TURN)
             return _chosen(below, others, values), _chosen(below, other_density, density)
         return values, density
 
@@ -136,10 +148,13 @@ class Phase:
     """
 
     def __init__(self, description: Mapping[str, Any]) -> None:
-        check_mapping("description", description)
         medium = {"type": "homogeneous", "phase": description}
-        core = _described({"type": "sphere", "bsdf": {"type": "null"}, "interior": medium})
+        around = {"type": "sphere", "center": [0, 0, 9], "bsdf": {"type": "null"}, "interior": medium}
+        core = _described("phase", description, around)
         self.__setstate__(({name: core[name] for name in ("volumes", "phases")}, core["media"][0]["phase"]))
+
+    def __repr__(self) -> str:
+        return f"<lajolla.Phase, {self._described['phases'][self._index]['type']}>"
 
     def __getstate__(self) -> tuple[dict[str, Any], int]:
         return self._described, self._index
@@ -151,7 +166,10 @@ class Phase:
     def eval(self, wo: ArrayLike, wi: ArrayLike) -> FloatImage:
         """Values (N,) per solid angle, which are also the densities of `sample`. Light that is not deflected
         has wi = -wo."""
-        return np.asarray(self.core.phase_eval_many(self._index, *_pairs(wo, wi), ORIGIN))
+        outgoing, incoming, absent = _pairs(wo, wi)
+        values = np.array(self.core.phase_eval_many(self._index, outgoing, incoming, ORIGIN))
+        values[absent] = 0
+        return values
 
     def pdf(self, wo: ArrayLike, wi: ArrayLike) -> FloatImage:
         """The same as `eval`."""
@@ -165,7 +183,7 @@ class Phase:
         return wi, density
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LightSamples:
     """N sampled directions from a point to a light.
 
@@ -203,13 +221,23 @@ class Light:
         if not self.scene.description.core["emitters"]:
             raise SceneError("a Light is an emitter, or a shape with an emitter inside")
 
+    def __repr__(self) -> str:
+        kinds = dict.fromkeys(entry["type"] for entry in self.scene.description.core["emitters"])
+        return f"<lajolla.Light, {', '.join(kinds)}>"
+
     def eval(self, point: ArrayLike, wi: ArrayLike) -> FloatImage:
         """Radiance (N, 3) that comes to a point (3,) from directions wi (N, 3)."""
-        return np.asarray(_core.eval_emitters(self.scene.core, _point(point), _directions(wi))[0])
+        return self._evaluated(point, wi)[0]
 
     def pdf(self, point: ArrayLike, wi: ArrayLike) -> FloatImage:
         """Densities (N,), per solid angle, with which `sample` returns directions wi (N, 3)."""
-        return np.asarray(_core.eval_emitters(self.scene.core, _point(point), _directions(wi))[1])
+        return self._evaluated(point, wi)[1]
+
+    def _evaluated(self, point: ArrayLike, wi: ArrayLike) -> tuple[FloatImage, FloatImage]:
+        rows, absent = _directions_or_none(wi)
+        radiance, density = map(np.array, _core.eval_emitters(self.scene.core, _point(point), rows))
+        radiance[absent], density[absent] = 0, 0
+        return radiance, density
 
     def sample(self, point: ArrayLike, count: int, seed: int = 0) -> LightSamples:
         """Samples `count` directions to the light from a point (3,)."""
@@ -217,8 +245,19 @@ class Light:
         return LightSamples(**{name: found[name] for name in LightSamples.__dataclass_fields__})
 
 
-def _described(shape: Mapping[str, Any]) -> dict[str, Any]:
-    return describe({**FRAME, "own": shape}, strict=True).core
+def _described(kind: str, description: Mapping[str, Any], shape: Mapping[str, Any]) -> dict[str, Any]:
+    """The entries of a scene with this shape; warns as scenes do. Raises SceneError."""
+    check_mapping("description", description)
+    name = description.get("type")
+    table = plugins_by_kind()
+    if isinstance(name, str) and name.lower() not in table[kind]:
+        kinds = [other for other, plugins in table.items() if name.lower() in plugins]
+        if kinds:
+            raise SceneError(f'expected a {kind}, got the {kinds[0]} "{name}"')
+    found = describe({**FRAME, **SKY, "own": shape}, strict=True)
+    for warning in found.warnings:
+        warn(SceneWarning(warning.message))
+    return found.core
 
 
 ORIGIN = np.zeros((1, 3), np.float32)
@@ -228,10 +267,10 @@ FARTHEST = 1e18  # coordinate of a point: squares of distances are float32
 def _numbers(count: int, seed: int) -> FloatImage:
     if seed is None:
         raise OptionError("seed must be a whole number, not None")
-    check("seed", seed)
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 0:
+    number = whole(count)
+    if number is None or number < 0:
         raise OptionError(f"the number of samples must be a whole number, not {count!r}")
-    return np.random.default_rng(seed).random((int(count), 3), dtype=np.float32)
+    return np.random.default_rng(check("seed", seed)).random((number, 3), dtype=np.float32)
 
 
 def _directions(given: ArrayLike) -> FloatImage:
@@ -255,9 +294,17 @@ def _one_or(count: int, wo: ArrayLike) -> FloatImage:
     return rows
 
 
-def _pairs(wo: ArrayLike, wi: ArrayLike) -> tuple[FloatImage, FloatImage]:
-    """Directions, as many of one as of the other."""
-    rows = _directions(wo), _directions(wi)
+def _directions_or_none(given: ArrayLike) -> tuple[FloatImage, Truths]:
+    """Directions, and which of them are none: zero, as those of samples that are not valid."""
+    rows = np.atleast_2d(np.asarray(given, np.float64))
+    absent = np.all(rows == 0, axis=-1)
+    return _directions(np.where(absent[..., None], (0.0, 0.0, 1.0), rows) if absent.any() else given), absent
+
+
+def _pairs(wo: ArrayLike, wi: ArrayLike) -> tuple[FloatImage, FloatImage, Truths]:
+    """Directions, as many of one as of the other, and where wi is none."""
+    incoming, absent = _directions_or_none(wi)
+    rows = _directions(wo), incoming
     counts = {len(rows[0]), len(rows[1])} - {1}
     if len(counts) > 1:
         raise ValueError(f"wo and wi have {len(rows[0])} and {len(rows[1])} rows")
@@ -265,6 +312,7 @@ def _pairs(wo: ArrayLike, wi: ArrayLike) -> tuple[FloatImage, FloatImage]:
     return (
         np.ascontiguousarray(np.broadcast_to(rows[0], shape)),
         np.ascontiguousarray(np.broadcast_to(rows[1], shape)),
+        np.broadcast_to(absent, shape[:1]),
     )
 
 
