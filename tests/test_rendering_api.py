@@ -43,11 +43,37 @@ def test_every_sensor_of_a_scene_is_usable() -> None:
 
 
 def test_sizes_of_sensors_are_their_own() -> None:
-    with pytest.warns(lajolla.SceneWarning, match="2 sensors"):
-        scene = lajolla.load_dict(TWO)
+    scene = lajolla.load_dict(TWO)
+    assert scene.warnings == []  # they may be there on purpose
     assert scene.with_sensor("second").render(spp=1).array.shape == (5, 7, 3)
     assert (scene.width, scene.height) == (768, 576)
     assert scene.with_sensor(1)["sensor.fov"] == 30
+
+
+def test_parameters_of_other_sensors() -> None:
+    scene = lajolla.load_dict(TWO)
+    first = scene["sensor.fov"]
+    assert scene["second.fov"] == scene.with_sensor("second")["second.fov"] == 30
+    scene.update({"second.fov": 35, "camera.fov": 50})
+    assert (scene["second.fov"], scene["sensor.fov"], first) == (35, 50, 60)
+    assert scene.with_sensor("second")["camera.fov"] == 50
+    wanted = {**TWO, "second": {**TWO["second"], "fov": 35}}
+    image = lajolla.load_dict(wanted).render(spp=1, sensor="second")
+    assert np.array_equal(scene.render(spp=1, sensor="second").array, image.array)
+    with pytest.raises(lajolla.ParamError, match=r"'second\.fovv'; did you mean 'second\.fov'"):
+        scene["second.fovv"]
+
+
+def test_a_rendering_takes_the_options_of_render() -> None:
+    scene = lajolla.load_dict(TWO)
+    rendering = scene.rendering(spp=1, sensor="second", aovs=["depth"])
+    seen: list[float] = []
+    rendering.run(progress=lambda state: seen.append(state.samples))
+    image = rendering.image()
+    assert np.array_equal(image.array, scene.render(spp=1, sensor="second").array)
+    assert "depth.Z" in image.channels
+    assert seen[-1] == 1
+    assert "7 x 5 pixels, 1 samples" in repr(rendering)
     assert scene.with_sensor(1).params.info("sensor").file == "second"
 
 
@@ -211,6 +237,33 @@ def test_rays_of_the_wrong_shape(origins: Any, directions: Any, far: Any, messag
 def test_rays_that_are_no_numbers_have_no_hits() -> None:
     hits = loaded(ROOM).intersect([[np.nan, 0, 0], [0, 0, np.inf]], (0, 0, 1))
     assert not hits.hit.any()
+
+
+def test_numbers_of_hits_are_those_of_layers() -> None:
+    """Of shapes and instances, from 1, and 0 for none; names have the same numbers."""
+    copies = {"type": "shapegroup", "leaf": {"type": "sphere", "radius": 0.2}}
+    place = {
+        "type": "instance",
+        "to_world": lajolla.translate((0, 2, -2)),
+        "of": {"type": "ref", "id": "tree"},
+    }
+    scene = loaded({**ROOM, "tree": copies, "copy": place})
+    layers = scene.render(spp=1, aovs=["shape", "instance", "material"]).layers
+    hits = scene.intersect([[0, 2, -6], [0, 50, -6], [0, 0, -6]], (0, 0, 1))
+    assert list(hits.shape_names) == list(layers["shape"].names)
+    assert list(hits.instance_names) == list(layers["instance"].names)
+    assert np.array(hits.shape_names)[hits.shape].tolist() == ["shape_5", "", "box"]
+    assert np.array(hits.instance_names)[hits.instance].tolist() == ["copy", "", ""]
+    assert set(layers["material"].names[1:]) <= {str(scene[path]) for path in scene if path.endswith(".bsdf")}
+    assert hits == hits
+    assert isinstance(hash(hits), int)
+
+
+def test_a_dict_without_sensor_can_be_traced() -> None:
+    with pytest.warns(lajolla.SceneWarning, match="no sensor; one that sees the whole scene is added"):
+        scene = lajolla.load_dict({"type": "scene", "ball": {"type": "sphere"}})
+    assert scene.intersect((0, 0, 5), (0, 0, -1)).distance.tolist() == [4]
+    assert (scene.sensors, scene.sensor) == ((), "")
 
 
 def test_meshes_from_arrays() -> None:

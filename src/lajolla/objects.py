@@ -49,8 +49,7 @@ class ObjectLayers:
             if aov == PRIMITIVE:
                 result[aov] = Ids(values)
             else:
-                numbers = np.concatenate([[0], known[aov].numbers]).astype(np.int32)
-                result[aov] = Ids(numbers[values + 1], known[aov].names)
+                result[aov] = Ids(known[aov].of(values), known[aov].names)
         return result
 
     def _mattes(self, known: Mapping[str, Numbered], samples: int) -> Mapping[str, Layer]:

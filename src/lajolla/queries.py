@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,16 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 from lajolla import _core
 from lajolla.colour import FloatImage
 from lajolla.messages import shortened
-from lajolla.scene import Description, numbered
+from lajolla.scene import Description
 
 Ids = NDArray[np.int32]
 Positions = NDArray[np.float64]
 RayRows = tuple[NDArray[Any], FloatImage, FloatImage]  # origins of float32 or float64
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Intersections:
-    """Where N rays meet surfaces. Without a hit, distance is infinite, ids are -1, and all else is zero.
+    """Where N rays meet surfaces. Without a hit, distance is infinite, primitive is -1, and all else is zero.
 
     Attributes:
         distance: (N,) in lengths of the ray's direction.
@@ -30,9 +29,9 @@ class Intersections:
         normal: (N, 3) shading normal, of unit length, as vertices have it.
         geometric_normal: (N, 3) on the front side of the surface, of unit length.
         uv: (N, 2) texture coordinates.
-        shape: (N,) the shape: a number for `shape_names`.
-        primitive: (N,) the triangle, or the like, within it.
-        instance: (N,) the instance that the shape is in, -1 for none.
+        shape: (N,) the shape: its number in layers of ids, from 1, and 0 for none; see `shape_names`.
+        primitive: (N,) the triangle, or the like, within it, from 0.
+        instance: (N,) the instance that the shape is in, from 1, and 0 for none; see `instance_names`.
     """
 
     distance: FloatImage
@@ -48,15 +47,17 @@ class Intersections:
     @property
     def hit(self) -> NDArray[np.bool_]:
         """(N,) whether the ray meets anything."""
-        return self.shape >= 0
+        return self.shape > 0
 
-    @cached_property
+    @property
     def shape_names(self) -> Sequence[str]:
-        """The name of each number in `shape`: its id, or one made of its number, as in layers of ids."""
-        if self._description is None:
-            return ()
-        known = numbered(self._description.objects, self._description.core, "shapes")
-        return [known.names[number] for number in known.numbers]
+        """The name of each number in `shape`, as in layers of ids; that of 0 is empty."""
+        return self._description.numbered("shapes").names if self._description else ()
+
+    @property
+    def instance_names(self) -> Sequence[str]:
+        """The name of each number in `instance`, as in layers of ids; that of 0 is empty."""
+        return self._description.numbered("instances").names if self._description else ()
 
 
 def intersections_of(
@@ -69,6 +70,8 @@ def intersections_of(
 ) -> Intersections:
     """See `Scene.intersect`."""
     found = _core.intersect(core, *_rays(origins, directions, max_distance), threads)
+    for name in ("shape", "instance"):
+        found[name] = description.numbered(f"{name}s").of(found[name])
     return Intersections(**found, _description=description)
 
 

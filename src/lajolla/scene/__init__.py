@@ -85,6 +85,13 @@ class Description:
     views: Mapping[str, View] = field(default_factory=dict)  # of all but the one that is used, by these names
     light_groups: tuple[str, ...] = ()  # names of the numbers from 1 on that emitters have as "lightgroup"
     files: Mapping[Hashable, FileContent] = field(default_factory=dict)  # that were read
+    _numbered: dict[str, Numbered] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def numbered(self, where: str) -> Numbered:
+        """Numbers and names of its shapes, materials or instances; counted once."""
+        if where not in self._numbered:
+            self._numbered[where] = numbered(self.objects, self.core, where)
+        return self._numbered[where]
 
     def refusal(self, problem: Exception) -> SceneError:
         """The error to raise when the core refuses the description: the core's message at its place.

@@ -25,13 +25,17 @@ class Numbered:
     numbers: npt.NDArray[np.int32]
     names: Sequence[str]
 
+    def of(self, indices: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+        """The numbers of entries by their indices; 0 for -1."""
+        return np.concatenate([[0], self.numbers]).astype(np.int32)[indices + 1]
+
 
 def numbered(objects: Objects, core: Mapping[str, Any], where: str) -> Numbered:
     """Numbers for the shapes, materials or instances of a description.
 
     An entry is named by the id that its object has in the scene, a material by that of its bsdf; others are
-    named as in `Scene.params`: "shape_3", and "shape_3.bsdf" by the first shape that has the material. Entries
-    that are parts of the same object share its number.
+    named as in `Scene.params`: "shape_3", and "shape_3.bsdf" by the first shape that has the material.
+    Entries that are parts of the same object share its number.
     """
     count = sum(_rows(entry) for entry in core.get(where, ()))
     ids = _material_ids(objects, core) if where == "materials" else _ids_of(objects, where)
