@@ -417,7 +417,7 @@ def test_new_bsdfs_are_checked_and_named() -> None:
     named = scene.with_params({"a.bsdf": {"type": "plastic", "id": "shiny"}})
     assert named["a.bsdf"] == "shiny"
     assert named["shiny.int_ior"] == pytest.approx(1.49)
-    unused = scene.with_params({"a.bsdf": "coat", "box.bsdf": "spare"})
+    unused = scene.with_params({"a.bsdf": "coat", "box.bsdf": {"type": "ref", "id": "spare"}})
     assert (unused["a.bsdf"], unused["box.bsdf"], unused["coat.opacity"]) == ("coat", "spare", 0.5)
     assert_as_if_loaded(unused)
     for value, message in (

@@ -259,6 +259,15 @@ def test_numbers_of_hits_are_those_of_layers() -> None:
     assert isinstance(hash(hits), int)
 
 
+@pytest.mark.parametrize("sensor", [{}, {"type": "thinlens", "aperture_radius": 0.1}, {"near_clip": 6.0}])
+def test_rays_of_the_camera_see_what_layers_show(sensor: dict[str, Any]) -> None:
+    scene = loaded({**ROOM, "camera": {**ROOM["camera"], **sensor}}, crop=(1, 0, 3, 4))
+    hits = scene.intersect(*scene.camera_rays())
+    seen = scene.render(spp=1, aovs=["shape"]).layers["shape"].values
+    assert np.array_equal(hits.shape.reshape(4, 3), seen)
+    assert hits.hit.any()
+
+
 def test_a_dict_without_sensor_can_be_traced() -> None:
     with pytest.warns(lajolla.SceneWarning, match="no sensor; one that sees the whole scene is added"):
         scene = lajolla.load_dict({"type": "scene", "ball": {"type": "sphere"}})

@@ -160,6 +160,28 @@ nb::object occluded(const RenderableScene &self, const Rows<3, Real> &origins, c
     return std::move(result).to_numpy();
 }
 
+// The camera's rays through the centres of pixels and of the lens, which begin and end where it sees.
+nb::tuple camera_rays(const RenderableScene &self) {
+    const Scene &scene = *self.scene;
+    const Film &film = scene.film();
+    const auto width = static_cast<std::size_t>(film.crop_width);
+    const std::size_t count = width * static_cast<std::size_t>(film.crop_height);
+    Table<double, 3> origins(count);
+    Table<float, 3> directions(count);
+    Table<float, 1> ends(count);
+    for (std::size_t i = 0; i < count; ++i) {
+        const auto x = to_float(static_cast<int>(i % width) + film.crop_offset_x);
+        const auto y = to_float(static_cast<int>(i / width) + film.crop_offset_y);
+        const Vec2f centre{(x + 0.5f) / to_float(film.width), (y + 0.5f) / to_float(film.height)};
+        const Ray<float> ray = scene.camera_ray(centre, Vec2f{0.5f, 0.5f}).ray;
+        origins.set(i, scene.world_position(ray.origin + ray.direction * ray.near));
+        directions.set(i, ray.direction);
+        ends.set(i, ray.far - ray.near);
+    }
+    return nb::make_tuple(std::move(origins).to_numpy(), std::move(directions).to_numpy(),
+                          std::move(ends).to_numpy());
+}
+
 template <class Real>
 void bind_queries_from(nb::module_ &m) {
     m.def(
@@ -177,6 +199,10 @@ void bind_queries_from(nb::module_ &m) {
 } // namespace
 
 void bind_queries(nb::module_ &m) {
+    m.def(
+        "camera_rays", &camera_rays, "scene"_a,
+        "Rays through the centres of the picture's pixels, row by row: origins (N, 3) of float64, directions "
+        "(N, 3), and max_distance (N,).");
     bind_queries_from<float>(m);
     bind_queries_from<double>(m);
 }

@@ -58,21 +58,19 @@ def features_output(integrator: Mapping[str, Any]) -> dict[str, Any]:
 
 def feature_channels(features: Mapping[str, Any]) -> dict[str, Any]:
     """Features as channels; "albedo" and "normal" are arrays (height, width, 3). Raises ImageError."""
-    known = {channel.lower(): channel for channels in LAYERS.values() for channel in channels}
     result: dict[str, Any] = {}
     for name, values in features.items():
-        if name in LAYERS and np.ndim(values) == 3 and np.shape(values)[2] == 3:
+        if name in LAYERS:
+            if np.ndim(values) != 3 or np.shape(values)[2] != 3:
+                raise ImageError(f"feature {name!r} has shape {np.shape(values)}, not (height, width, 3)")
             result |= dict(zip(LAYERS[name], np.moveaxis(np.asarray(values), 2, 0), strict=True))
-        elif name in LAYERS:
-            raise ImageError(f"feature {name!r} has shape {np.shape(values)}, not (height, width, 3)")
-        elif str(name).lower() in known:
+        elif "." in str(name) or name == "A":  # a channel of a picture
             result[name] = values
         else:
-            raise ImageError(f"unknown feature {name!r}; valid: {', '.join([*LAYERS, *known.values()])}")
-    given = {str(name).lower() for name in result}
-    missing = [channel for channel in known.values() if channel.lower() not in given]
-    if "albedo" in {name.partition(".")[0] for name in missing} and given:
-        raise ImageError(f"the network needs {', '.join(LAYERS['albedo'])} beside other features")
+            known = [*LAYERS, *(channel for channels in LAYERS.values() for channel in channels)]
+            raise ImageError(f"unknown feature {name!r}; valid: {', '.join(known)}")
+    if "normal" in features and not result.keys() >= set(LAYERS["albedo"]):
+        raise ImageError(f"the network needs {', '.join(LAYERS['albedo'])} beside normals")
     return result
 
 

@@ -329,6 +329,19 @@ class Scene:
         threads = check("threads", threads)
         return occlusion_of(self.core, origins, directions, max_distance, threads or 0)
 
+    def camera_rays(self) -> tuple[NDArray[np.float64], FloatImage, FloatImage]:
+        """The camera's rays through the centres of pixels, row by row, for `intersect` and `occluded`.
+
+        Origins (height * width, 3), on the near plane, directions (height * width, 3) of unit length, and
+        max_distance (height * width,), to the far plane. A lens is seen through its centre.
+
+        Example:
+            >>> hits = scene.intersect(*scene.camera_rays())
+            >>> names = np.array(hits.shape_names)[hits.shape].reshape(scene.height, scene.width)
+        """
+        origins, directions, ends = _core.camera_rays(self.core)
+        return origins, directions, ends
+
     @names_checked
     def rendering(
         self,

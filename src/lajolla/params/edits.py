@@ -165,6 +165,8 @@ class Edits:
 
     def _material_index(self, found: SceneObject, value: object, path: str) -> int:
         """The index of the material of a bsdf or of another shape, "ball.bsdf"."""
+        if isinstance(value, Mapping) and value.get("type") == "ref":
+            value = value.get("id")
         if isinstance(value, Mapping):
             self._materials.drop(found.name)
             self._refers = True
@@ -397,14 +399,12 @@ class Edits:
 
     def known_after(self) -> Objects:
         """Where the objects come from after the changes."""
-        made = self._materials
-        if not (made.ids or made.plugins):
-            return self._known
-        return replace(
-            self._known,
-            ids={**self._known.ids, **made.ids},
-            plugins={**self._known.plugins, **made.plugins},
-        )
+        made, known = self._materials, self._known
+        if not made.added:
+            return known
+        ids = {name: own for name, own in known.ids.items() if name not in made.added}
+        plugins = {name: own for name, own in known.plugins.items() if name not in made.added}
+        return replace(known, ids={**ids, **made.ids}, plugins={**plugins, **made.plugins})
 
     def description(self) -> dict[str, Any]:
         """The description with all changes; call `changes` before."""

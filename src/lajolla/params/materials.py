@@ -38,10 +38,11 @@ class Materials:
         self._known = known
         self._loaded = loaded
         self._entries = entries
-        self._free: dict[str, list[int]] = {}
+        self._free: dict[str, list[int]] = {}  # places in each list
         self.copies: dict[tuple[str, str], str] = {}  # entries of owners' objects, by those before
         self.dropped: set[str] = set()  # names of objects that others replace
-        self.ids: dict[str, str] = {}  # of new entries
+        self.added: set[str] = set()  # names of new entries, with their
+        self.ids: dict[str, str] = {}
         self.plugins: dict[str, str] = {}
 
     def entry(self, name: str) -> Entry:
@@ -66,7 +67,9 @@ class Materials:
             key = found.owner if name in shared else "", name
             if key not in self.copies:
                 content = {k: copied(v) if k in INSIDE else v for k, v in self.entry(name).items()}
-                self.copies[key] = self._added(name.partition("[")[0], content)
+                self.copies[key] = new = self._add(name.partition("[")[0], content)
+                if name in self._known.plugins:
+                    self.plugins[new] = self._known.plugins[name]
             return reference(self.copies[key])
 
         where, at = place_of(found.owner)
@@ -89,7 +92,7 @@ class Materials:
         found = [index for index in self.slots_of(front) if self.entry(f"materials[{index}]") == sides]
         if found:
             return preferred if preferred in found else found[0]
-        return place_of(self._added("materials", sides))[1]
+        return place_of(self._add("materials", sides))[1]
 
     def slots_of(self, front: Material) -> list[int]:
         """The indices of the material slots with this bsdf or adapter on the front."""
@@ -109,7 +112,7 @@ class Materials:
 
         for name, entry in made.entries.items():
             content = {k: placed(v) if k in INSIDE else v for k, v in entry.items()}
-            at[name] = self._added(name.partition("[")[0], content)
+            at[name] = self._add(name.partition("[")[0], content)
         self.ids |= {at[name]: own for name, own in made.ids.items()}
         self.plugins |= {at[name]: own for name, own in made.plugins.items()}
         return placed(made.front), placed(made.back)
@@ -123,15 +126,17 @@ class Materials:
 
     # Places of new entries
 
-    def _added(self, where: str, content: Mapping[str, Any]) -> str:
+    def _add(self, where: str, content: Mapping[str, Any]) -> str:
         """The name of a new entry. Those that are added are in the order of their places, as adapters may
         only contain earlier ones."""
         if where not in self._free:
             self._free[where] = self._unused(where) if where in MATERIALS else []
         end = max([self._lists.count(where), *(index + 1 for index, _ in self._changed(where))])
         index = self._free[where].pop(0) if self._free[where] else end
-        self._entries[f"{where}[{index}]"] = dict(content)
-        return f"{where}[{index}]"
+        name = f"{where}[{index}]"
+        self._entries[name] = dict(content)
+        self.added.add(name)
+        return name
 
     def _unused(self, where: str) -> list[int]:
         """The places of entries that were added after loading and that nothing needs any more."""
