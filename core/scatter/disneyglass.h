@@ -42,7 +42,7 @@ struct DisneyGlass {
         if (!multiscatter) return;
         if (anisotropic != Texture<float>(0)) // as in RoughDielectric
             throw std::invalid_argument("multiscatter is for glass of one roughness; anisotropic must be 0");
-        lost_ = std::make_shared<RoughDielectric::Losses>(
+        lost_ = RoughDielectric::Losses::of(
             disney::microfacets(disney::fraction(roughness.constant), 0, least_alpha),
             !roughness.is_constant(), eta);
     }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "base/shared_table.h"
 #include "scatter/microfacet.h"
 
 namespace lajolla {
@@ -122,10 +123,12 @@ inline float LostLight::mean_of_row(int row) const {
 
 // The loss if facets reflect all light.
 inline std::shared_ptr<const LostLight> lost_by_reflection(const Microfacet<float> &surface, bool varies) {
-    return std::make_shared<LostLight>(surface, varies, [](const Microfacet<float> &facets, Vec3f w, int n) {
-        return facets.mean_over_visible(w, n, [&](Vec3f m) {
-            const Vec3f wi = reflect(w, m);
-            return wi.z > 0 ? 1 - facets.masking(wi) : 1;
+    return shared_table(key_of(surface, std::uint32_t{varies}), [&] {
+        return LostLight(surface, varies, [](const Microfacet<float> &facets, Vec3f w, int n) {
+            return facets.mean_over_visible(w, n, [&](Vec3f m) {
+                const Vec3f wi = reflect(w, m);
+                return wi.z > 0 ? 1 - facets.masking(wi) : 1;
+            });
         });
     });
 }

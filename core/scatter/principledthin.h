@@ -196,8 +196,10 @@ struct PrincipledThin {
                 w, n, [&](Vec3f m) { return transmitted_fraction(beyond, w, m, index); });
             return max(1 - reflected - transmitted, 0.0f);
         };
-        lost_ = std::make_shared<LostLight>(front(disney::fraction(roughness.constant), 0),
-                                            !roughness.is_constant(), loss);
+        const Microfacet<float> surface = front(disney::fraction(roughness.constant), 0);
+        const bool varies = !roughness.is_constant();
+        lost_ = shared_table(key_of(surface, std::uint32_t{varies}, eta.constant),
+                             [&] { return LostLight(surface, varies, loss); });
     }
 
     template <class Float>

@@ -46,10 +46,15 @@ struct RoughDielectric {
     struct Losses {
         LostLight above, below;
 
+        static std::shared_ptr<const Losses> of(const Microfacet<float> &surface, bool varies, float eta) {
+            return shared_table(key_of(surface, std::uint32_t{varies}, eta),
+                                [&] { return Losses(surface, varies, eta); });
+        }
+
+    private:
         Losses(const Microfacet<float> &surface, bool varies, float eta)
             : above(surface, varies, Loss{eta}), below(surface, varies, Loss{1 / eta}) {}
 
-    private:
         struct Loss {
             float beyond;
             float operator()(const Microfacet<float> &surface, Vec3f w, int n) const {
@@ -225,8 +230,8 @@ struct RoughDielectric {
         if (!(alpha_u == alpha_v)) // with total reflection, the tables have too few coordinates
             throw std::invalid_argument(
                 "multiscatter is for equal roughness along both tangents; alpha_u and alpha_v differ");
-        lost_ = std::make_shared<Losses>(Microfacet<float>(distribution, alpha_u.constant, alpha_v.constant),
-                                         !alpha_u.is_constant(), index());
+        lost_ = Losses::of(Microfacet<float>(distribution, alpha_u.constant, alpha_v.constant),
+                           !alpha_u.is_constant(), index());
     }
 
     template <class Float>

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <memory>
+
+#include "base/shared_table.h"
 #include "base/warp.h"
 #include "scatter/bsdf.h"
 #include "scatter/fresnel.h"
@@ -106,10 +109,11 @@ struct RoughPlastic {
         const float relative = int_ior / ext_ior;
         const Rgb<Float> d = read(diffuse_reflectance), s = read(specular_reflectance);
         // The geometric series of reflections between base and coat; the linear variant keeps the hue.
-        const Rgb<Float> escaping = nonlinear ? Rgb<Float>(1) - d + d * leaving_ : Rgb<Float>(leaving_);
+        const Rgb<Float> escaping =
+            nonlinear ? Rgb<Float>(1) - d + d * coat_->leaving : Rgb<Float>(coat_->leaving);
         return {{distribution, alpha, alpha},
                 relative,
-                &entering_,
+                &coat_->entering,
                 d / (escaping * sqr(relative)),
                 s,
                 mean(d),
@@ -117,12 +121,23 @@ struct RoughPlastic {
     }
 
 private:
-    CosineTable entering_;
-    float leaving_ = 1; // fraction of diffuse light from below that the coat transmits
+    struct Coat {
+        CosineTable entering;
+        float leaving = 1; // fraction of diffuse light from below that the coat transmits
+    };
+    Coat coat() const;
+
+    std::shared_ptr<const Coat> coat_;
 };
 
 inline void RoughPlastic::build() {
     check_indices(int_ior, ext_ior);
+    coat_ = shared_table(key_of(distribution, alpha, int_ior, ext_ior, std::uint32_t{multiscatter}),
+                         [&] { return coat(); });
+}
+
+inline RoughPlastic::Coat RoughPlastic::coat() const {
+    Coat result;
     const Microfacet<float> surface(distribution, alpha, alpha);
     const float eta = int_ior / ext_ior;
     const auto fraction = [&](auto of, float cos_theta, float beyond) {
@@ -130,20 +145,22 @@ inline void RoughPlastic::build() {
         return surface.mean_over_visible(w, 64, [&](Vec3f m) { return of(surface, w, m, beyond); });
     };
     float inside = 0, entering = 0;
-    for (std::size_t i = 0; i < entering_.values.size(); ++i) {
+    for (std::size_t i = 0; i < result.entering.values.size(); ++i) {
         const float cos_theta = CosineTable::node(i);
-        entering_.values[i] = multiscatter ? 1 - fraction(detail::reflected_fraction, cos_theta, eta)
-                                           : fraction(detail::transmitted_fraction, cos_theta, eta);
-        entering += cos_theta * entering_.values[i];
+        const float value = multiscatter ? 1 - fraction(detail::reflected_fraction, cos_theta, eta)
+                                         : fraction(detail::transmitted_fraction, cos_theta, eta);
+        result.entering.values[i] = value;
+        entering += cos_theta * value;
         inside += cos_theta * fraction(detail::reflected_fraction, cos_theta, 1 / eta);
     }
     // With `multiscatter`, reciprocity requires leaving = mean(entering) / eta^2 (trapezoidal rule).
     // Otherwise it is Mitsuba's mean over the nodes, so that the same file gives the same picture; that is
     // not smaller, except for an index for which there are too few nodes.
-    const auto nodes = static_cast<float>(entering_.values.size());
-    entering -= entering_.values.back() / 2;
+    const auto nodes = static_cast<float>(result.entering.values.size());
+    entering -= result.entering.values.back() / 2;
     const float reciprocal = 2 * entering / ((nodes - 1) * sqr(eta));
-    leaving_ = multiscatter ? reciprocal : max(1 - 2 * inside / nodes, reciprocal);
+    result.leaving = multiscatter ? reciprocal : max(1 - 2 * inside / nodes, reciprocal);
+    return result;
 }
 
 } // namespace lajolla
