@@ -420,6 +420,10 @@ def test_new_bsdfs_are_checked_and_named() -> None:
     unused = scene.with_params({"a.bsdf": "coat", "box.bsdf": {"type": "ref", "id": "spare"}})
     assert (unused["a.bsdf"], unused["box.bsdf"], unused["coat.opacity"]) == ("coat", "spare", 0.5)
     assert_as_if_loaded(unused)
+    unused["coat.child"] = {"type": "conductor"}
+    assert (unused["coat.child"], unused["coat.child.k"].tolist()) == ("coat.child", [1, 1, 1])
+    with pytest.raises(lajolla.SceneError, match="a new adapter comes after"):
+        unused["coat.child"] = THIN
     for value, message in (
         ({"type": "point"}, "expected a bsdf, got emitter"),
         ({"type": "diffuse", "reflectance": "red paint"}, "reflectance"),

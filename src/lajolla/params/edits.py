@@ -81,7 +81,7 @@ class Edits:
             SceneError: the value is of another type or out of range.
         """
         if field.type == MATERIAL:
-            new: Any = self._inner_material(found, value, path)
+            new: Any = self._inner_material(found, field, value, path)
         elif field.type == "phase":
             new = self._index("phase", value, path)
         else:
@@ -110,16 +110,17 @@ class Edits:
         if place_of(found.entry)[1] in reached(self._editor.textures, textures_in(value)):
             raise SceneError("a texture cannot contain itself", self._editor.location(path))
 
-    def _inner_material(self, found: SceneObject, value: object, path: str) -> Material:
+    def _inner_material(self, found: SceneObject, field: Field, value: object, path: str) -> Material:
         """A bsdf in an adapter, which is made of what comes before it."""
         if isinstance(value, Mapping):
             self._refers = True
+            self._materials.drop(f"{found.name}.{field.name}")
             new: Material = self._materials.make(self._editor.material(value, path))[0]
         else:
             spare = self._spare(value)
             new = spare[0] if spare else self._material(value, path)
         if isinstance(new, Mapping) and new["adapter"] >= place_of(found.entry)[1]:
-            shown = f'"{value}"' if isinstance(value, str) else "what contains others"
+            shown = f'"{value}"' if isinstance(value, str) else "a new adapter"
             message = f'{shown} comes after "{found.name}" in the scene and cannot be put into it'
             raise SceneError(message, self._editor.location(path))
         return new
@@ -168,7 +169,7 @@ class Edits:
         if isinstance(value, Mapping) and value.get("type") == "ref":
             value = value.get("id")
         if isinstance(value, Mapping):
-            self._materials.drop(found.name)
+            self._materials.drop(f"{found.name}.bsdf", f"{found.name}.bsdf_back")
             self._refers = True
             return self._materials.slot(*self._materials.make(self._editor.material(value, path)))
         spare = self._spare(value)

@@ -117,11 +117,11 @@ class Materials:
         self.plugins |= {at[name]: own for name, own in made.plugins.items()}
         return placed(made.front), placed(made.back)
 
-    def drop(self, shape: str) -> None:
-        """Notes that a shape's material is replaced: names of its parts without an id are free again."""
+    def drop(self, *paths: str) -> None:
+        """Notes that materials are replaced: their names and those of their parts are free, but for ids."""
         for name, found in self._objects.items():
-            parts = name.startswith((f"{shape}.bsdf.", f"{shape}.bsdf_back")) or name == f"{shape}.bsdf"
-            if parts and found.kind in ("bsdf", "adapter") and found.entry not in self._known.ids:
+            is_part = name in paths or name.startswith(tuple(f"{path}." for path in paths))
+            if is_part and found.kind in ("bsdf", "adapter") and found.entry not in self._known.ids:
                 self.dropped.add(name)
 
     # Places of new entries
