@@ -376,6 +376,14 @@ def test_equal_bsdfs_of_several_shapes_are_changed_one_by_one(tmp_path: Path) ->
         assert changed[f"{shape}.bsdf"] == f"{shape}.bsdf"
         assert list(changed.params) == list(scene.params)
         assert_as_if_loaded(changed)
+    blend = {"type": "blendbsdf", "weight": 0.5, "x": THIN, "y": THIN}
+    inside = loaded(room(a=blend, b=blend, c={"type": "twosided", "front": GREY, "back": GREY}))
+    inside.update({"b.bsdf.second.child.reflectance": 0.1, "c.bsdf_back.reflectance": 0.2})
+    paths = [f"{s}.bsdf.{side}.child.reflectance" for s in "ab" for side in ("first", "second")]
+    assert [inside[path][0] for path in [*paths, "c.bsdf.reflectance"]] == pytest.approx(
+        [0.4] * 3 + [0.1, 0.4]
+    )
+    assert_as_if_loaded(inside)
     linked = scene.with_params({"b.bsdf": "a.bsdf"}).with_params({"a.bsdf.reflectance": 0.1})
     assert linked["b.bsdf"] == "a.bsdf"
     assert np.allclose(linked.with_params({"b.bsdf": "b.bsdf"})["b.bsdf.reflectance"], 0.4)

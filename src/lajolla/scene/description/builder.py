@@ -158,6 +158,7 @@ class Builder:
     layers: tuple[Layer, ...] = ()  # what the film says of integrators in `multichannel`
     uses: dict[Node, Built] = field(default_factory=dict)  # of textures and volumes
     materials_of: dict[Node, Slot | None] = field(default_factory=dict)  # bsdfs
+    branches: dict[Node, str] = field(default_factory=dict)  # of bsdfs without an id in others, but the first
     indices_of: dict[Node, int] = field(default_factory=dict)  # phase functions and media
     indices: dict[str, int] = field(default_factory=dict)  # of bsdfs and adapters by what they are
     slots: dict[Slot, int] = field(default_factory=dict)
@@ -393,6 +394,10 @@ class Builder:
     def slot(self, node: Node) -> Slot | None:
         """The material slot of a bsdf; None when it is ignored."""
         if node not in self.materials_of:
+            branch = self.branches.get(node, "")
+            for i, (_, child) in enumerate(node.children("bsdf")):
+                if not child.id and (branch or i > 0):
+                    self.branches[child] = f"{branch}/{i}"
             if node.plugin.lower() == "twosided":
                 self.objects.inherit(node, (child for _, child in node.children("bsdf")))
             result = self.construct(node)
@@ -426,9 +431,9 @@ class Builder:
         self.lookups.append(lookups)
 
     def add_once(self, where: str, entry: Entry, node: Node) -> int:
-        """The index of an entry of a list; the same one is not added twice, unless objects with other ids
-        are the same: one of them may be changed later."""
-        key = self.key_of(where, entry, self.objects.id_of(node))
+        """The index of an entry of a list; the same one is not added twice, unless objects with other ids, or
+        in other places of a material, are the same: one of them may be changed later."""
+        key = self.key_of(where, entry, self.objects.id_of(node) + self.branches.get(node, ""))
         if key not in self.indices:
             if where == "bsdfs":
                 self.transmissive.append(self._is_transmissive(entry, node))
@@ -437,7 +442,7 @@ class Builder:
 
     @staticmethod
     def key_of(where: str, entry: Entry, name: str = "") -> str:
-        """By what an entry of a list is known, with the id of its object."""
+        """By what an entry of a list is known, with the id of its object and its place in a material."""
         return repr((where, entry, name))
 
     def _is_transmissive(self, entry: Entry, node: Node) -> bool:
