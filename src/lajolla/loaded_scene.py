@@ -96,6 +96,11 @@ class Scene:
         """All parameters by readable paths, such as "red.reflectance", to read; see `with_params`."""
         return self._params
 
+    @property
+    def paths(self) -> set[Path]:
+        """All files that it was read from: the scene file, and those that this one names or includes."""
+        return self._read.paths
+
     def __getitem__(self, path: str) -> Any:  # noqa: ANN401
         """The value of a parameter; the same as `params[path]`."""
         return self.params[path]

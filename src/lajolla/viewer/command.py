@@ -7,9 +7,10 @@ import asyncio
 import io
 import os
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 from lajolla.image import Image
 from lajolla.interrupts import end_at_once, handled_by
@@ -25,6 +26,7 @@ from lajolla.viewer.session import ALWAYS, Session
 from lajolla.viewer.view import View
 
 WATCH_SECONDS = 0.5  # between two looks at the scene's file
+Stamp: TypeAlias = tuple[int, int] | None  # when a file was changed, and its size; None: it is not there
 BINARY = "application/octet-stream"
 
 
@@ -49,7 +51,8 @@ class Viewer:
         self.server = ViewServer(Handlers(self._received, self._download, self._greeting), arguments.port)
         rules = StopRules(spp=arguments.spp, noise=arguments.noise or ALWAYS, adaptive=False)
         threads = arguments.threads or available_threads()
-        self.session = Session(load, rules, threads, self._publish)
+        folder = self.file.parent if self.file else Path()
+        self.session = Session(load, rules, threads, self._publish, folder)
 
     async def run(self, announce: Callable[[str], None]) -> None:
         """Serves until it is cancelled; calls `announce` with the address when the scene is open.
@@ -72,7 +75,7 @@ class Viewer:
         name = self.file.name if self.file else "scene"
         latest = [self.session.latest] if self.session.latest else []
         return [
-            event("hello", file=name, reference=self.reference is not None),
+            event("hello", file=name, folder=str(self.session.folder), reference=self.reference is not None),
             *self.session.state.values(),
             *latest,
         ]
@@ -92,7 +95,10 @@ class Viewer:
 
     def _inspect(self, view: View, message: Message) -> str:
         x, y = message["x"], message["y"]
-        command = command_for(self.arguments, self.session.integrator, self.session.changes, x, y)
+        session = self.session
+        command = command_for(
+            self.arguments, session.integrator, session.chosen_sensor, session.changes, x, y
+        )
         return event("inspected", **inspected(view, x, y), command=command)
 
     def _objects(self, view: View, message: Message) -> str:
@@ -117,23 +123,35 @@ class Viewer:
         return b"".join(bands(picture, rows=height))
 
     async def _watch(self) -> None:
-        """Reads the scene again whenever its file changes."""
-        before = self._stamp()
+        """Reads the scene again whenever one of its files changes."""
+        known: dict[Path, Stamp] = {}
         while True:
+            view = self.session.view
+            files = (view.scene.paths if view else set()) | ({self.file} if self.file else set())
+            changed = await asyncio.to_thread(changed_files, files, known)
+            if changed:
+                is_scene = any(path == self.file or path.suffix.lower() == ".xml" for path in changed)
+                self.session.post(Message("reload", {"is_scene": is_scene}))
             await asyncio.sleep(WATCH_SECONDS)
-            now = self._stamp()
-            if now is not None and now != before:
-                self.session.post(Message("reload", {}))
-            before = now or before
 
-    def _stamp(self) -> tuple[int, int] | None:
-        if self.file is None:
-            return None
+
+def changed_files(files: Iterable[Path], known: dict[Path, Stamp]) -> list[Path]:
+    """The files that differ from what is known of them, which is brought up to date.
+
+    One that cannot be read may just be replaced: it has changed when it can be read again.
+    """
+    changed = []
+    for path in files:
         try:
-            status = os.stat(self.file)
-        except OSError:  # it is just being replaced
-            return None
-        return status.st_mtime_ns, status.st_size
+            status = os.stat(path)
+            now: Stamp = (status.st_mtime_ns, status.st_size)
+        except OSError:
+            known.setdefault(path, None)
+            continue
+        if known.setdefault(path, now) != now:
+            changed.append(path)
+        known[path] = now
+    return changed
 
 
 QUESTIONS = {"inspect": Viewer._inspect, "objects": Viewer._objects, "parameters": Viewer._parameters}

@@ -89,6 +89,8 @@ MESSAGES: Mapping[str, Mapping[str, Check]] = {
     "received": {"picture": _whole(0, 2**53)},  # the page has shown a picture and takes another
     "edit": {"values": _edits},  # parameters by their paths
     "choose": {"integrator": _text},
+    "look": {"sensor": _text},  # through another sensor
+    "save": {"name": _text},  # the scene, as a file of this name beside its own
     "show": {"layer": _text},  # "" is the picture
     "crop": {"window": _optional(_window)},
     "limit": {"samples": _optional(_whole(1, 1 << 30))},  # per pixel; null: the scene's number

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import re
 import threading
 import time
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,6 +21,7 @@ from lajolla.limits import OptionError
 from lajolla.loaded_scene import Scene
 from lajolla.messages import LajollaWarning
 from lajolla.params import ParamError
+from lajolla.picture_files import ImageError
 from lajolla.render import Progress, RenderCancelled, StopRules
 from lajolla.scene import SceneError
 from lajolla.viewer.facts import depth, scene_facts, view_facts
@@ -28,9 +32,12 @@ from lajolla.viewer.view import View, limits_of
 ALWAYS = 1e-9  # a relative error that is never reached; with it, errors are estimated
 INTERVALS = (0.1, 2.0)  # seconds between two pictures of the same view, at least and at most
 
+FILE_NAME = re.compile(r"[^/\\\0.][^/\\\0]*\.xml", re.IGNORECASE)  # in the same folder, and not hidden
+
 Listener: TypeAlias = Callable[["Picture | str"], None]
 Load: TypeAlias = Callable[["str | None"], Scene]
-REFUSALS = (SceneError, OptionError, ParamError, _core.DescriptionError)
+REFUSALS = (SceneError, OptionError, ParamError, ImageError, _core.DescriptionError)
+OF_SENSOR = ("sensor.", "film.", "rfilter.", "sampler.")  # beginnings of parameters that each sensor has
 
 
 class Session:
@@ -41,21 +48,29 @@ class Session:
         rules: when the render of the picture ends. Without a number of samples: the scene's.
         threads: of the renderer.
         listener: called in the render's thread, with pictures and with messages for the page.
+        folder: where the page may save the scene.
 
     Attributes:
         state: the last message of each type, for a page that comes later.
         latest: the last picture.
-        changes: parameters that were changed, by path.
+        changes: parameters that were changed, by path; those of other sensors are not among them.
+        sensor: the name of the one that is looked through; chosen_sensor: if it was chosen in the page.
         opened: is set when the scene was read for the first time, or could not be: then `failure` says why.
     """
 
-    def __init__(self, load: Load, rules: StopRules, threads: int, listener: Listener) -> None:
+    def __init__(
+        self, load: Load, rules: StopRules, threads: int, listener: Listener, folder: Path | None = None
+    ) -> None:
         self.load, self.rules, self.threads, self.listener = load, rules, threads, listener
+        self.folder = folder or Path()
         self.state: dict[str, str] = {}
         self.latest: Picture | None = None
         self.view: View | None = None
         self.changes: dict[str, Any] = {}
         self.integrator: str | None = None  # that was chosen instead of the scene's
+        self.sensor = ""
+        self.chosen_sensor: str | None = None
+        self._of_others: dict[str, dict[str, Any]] = {}  # changes of other sensors
         self.opened = threading.Event()
         self.failure: Exception | None = None
         self._layer = ""
@@ -120,19 +135,32 @@ class Session:
     def _open(self, changes: Mapping[str, Any]) -> None:
         """Reads the scene, and makes these changes, as far as it has such parameters."""
         scene = self.load(self.integrator)
-        changes = {path: value for path, value in changes.items() if path in scene.params}
-        if changes:
-            scene = scene.with_params(changes)
-        self.changes = dict(changes)
+        for sensor, own in self._of_others.items():
+            if sensor in scene.sensors:
+                scene = _with_changes(scene.with_sensor(sensor), own)[0]
+        if self.chosen_sensor in scene.sensors:
+            scene = scene.with_sensor(str(self.chosen_sensor))
+        scene, self.changes = _with_changes(scene, changes)
+        self._show_scene(scene)
+
+    def _show_scene(self, scene: Scene) -> None:
+        """Begins a view of another scene, or through another sensor."""
+        self.sensor = scene.sensor
         self._look_at(scene)
         assert self.view is not None
         self._tell("opened", **scene_facts(self.view, self._layer))
 
     def _reload(self, message: Message) -> None:
-        """Reads the scene again, whose file was changed; the camera stays where it is."""
+        """Reads the scene again, one of whose files was changed.
+
+        Cameras stay where they are, and if it was no scene file, everything stays that was changed.
+        """
+        whole, others = not message["is_scene"], self._of_others
         try:
-            self._open({path: value for path, value in self.changes.items() if path.startswith("sensor.")})
+            self._of_others = {name: _kept(own, whole) for name, own in self._of_others.items()}
+            self._open(_kept(self.changes, whole))
         except Exception as problem:
+            self._of_others = others
             self._tell("failed", message=f"the scene could not be read: {problem}")
 
     def _choose(self, message: Message) -> None:
@@ -143,6 +171,29 @@ class Session:
         except Exception:
             self.integrator = before
             raise
+
+    def _look(self, message: Message) -> None:
+        """Looks through another sensor; what was changed of either one stays with it."""
+        scene, before = self._scene(), self.sensor
+        changed = scene.with_sensor(message["sensor"])
+        own = {path: value for path, value in self.changes.items() if path.startswith(OF_SENSOR)}
+        shared = {path: value for path, value in self.changes.items() if path not in own}
+        if changed is not scene:
+            self._of_others[before] = own
+            self.changes = {**shared, **self._of_others.pop(changed.sensor, {})}
+            self.chosen_sensor = changed.sensor
+        self._show_scene(changed)
+
+    def _save(self, message: Message) -> None:
+        """Saves the scene as a new file in its folder."""
+        name = message["name"]
+        if not FILE_NAME.fullmatch(name):
+            raise OptionError(f"{name!r} is no name of a file beside the scene: NAME.xml")
+        target = self.folder / name
+        if os.path.lexists(target):
+            raise OptionError(f"{name} exists; choose another name")
+        self._scene().save(target)
+        self._tell("noticed", message=f"wrote {target}")
 
     def _look_at(self, scene: Scene) -> None:
         """Begins another view."""
@@ -306,6 +357,17 @@ class Session:
             noise=rendering.noise,
             nonfinite=rendering.accumulator.nonfinite,
         )
+
+
+def _with_changes(scene: Scene, changes: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
+    """A scene with those changes that it has parameters for, and these."""
+    known = {path: value for path, value in changes.items() if path in scene.params}
+    return scene.with_params(known) if known else scene, known
+
+
+def _kept(changes: Mapping[str, Any], whole: bool) -> dict[str, Any]:
+    """The changes that stay: all, or those of the camera."""
+    return {path: value for path, value in changes.items() if whole or path.startswith("sensor.")}
 
 
 def merged(messages: list[Message]) -> list[Message]:
