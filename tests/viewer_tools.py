@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+import numpy as np
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
@@ -31,6 +32,11 @@ SCENE = """<scene version="3.0.0">
     <emitter type="constant" id="sky"/>
 </scene>
 """
+FRONT = SCENE[SCENE.index("    <sensor") : SCENE.index("    <bsdf")].replace(">", ' id="front">', 1)
+SIDE = FRONT.replace("front", "side").replace("0, 0, 4", "4, 0, 0").replace('"40"', '"60"')
+SENSORS = SCENE.replace("    <bsdf", f"{FRONT}{SIDE}    <bsdf", 1).replace(
+    FRONT.replace(' id="front"', ""), "", 1
+)
 
 
 @contextmanager
@@ -113,3 +119,19 @@ class Client:
 def is_whole(picture: Picture) -> bool:
     """Whether it is no preview."""
     return picture.pixels.shape[:2] == (picture.window[3], picture.window[2])
+
+
+def moved(x: float) -> dict[str, object]:
+    """The camera at another place."""
+    return {"sensor.to_world": [[-1, 0, 0, x], [0, 1, 0, 0], [0, 0, -1, 4], [0, 0, 0, 1]]}
+
+
+def finished(client: Client, view: int) -> np.ndarray:
+    """The last picture of a view."""
+    while client.messages.get("viewed", {}).get("view", -1) < view:
+        client.receive()
+    last = client.wait_for("progress", state="finished")["picture"]
+    while client.picture is None or client.picture.number < last:
+        client.receive()
+    assert client.picture.view >= view
+    return client.picture.pixels
