@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from viewer_tools import SCENE, Client, finished, is_whole, moved, viewer
+from viewer_tools import SCENE, Client, finished, moved, viewer
 
 import lajolla
 from lajolla.cli import main
@@ -363,7 +363,7 @@ def test_a_render_that_fails_says_why_and_goes_on_after_a_change(
             pass
         assert "the render ended: ZeroDivisionError" in json.loads(text)["message"]
     session.post(Message("edit", {"values": {"sensor.fov": 30.0}}))
-    while not isinstance(picture := told.get(timeout=20), Picture) or not is_whole(picture):
+    while not isinstance(picture := told.get(timeout=20), Picture) or not picture.is_whole:
         pass
     assert picture.view == 1 and "failed" not in session.state
     session.close()

@@ -110,15 +110,10 @@ class Client:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             picture = self.picture
-            if picture is not None and picture.view >= view and (not whole or is_whole(picture)):
+            if picture is not None and picture.view >= view and (not whole or picture.is_whole):
                 return picture
             self.receive(max(end - time.monotonic(), 0.01))
         raise TimeoutError(f"no picture of view {view}")
-
-
-def is_whole(picture: Picture) -> bool:
-    """Whether it is no preview."""
-    return picture.pixels.shape[:2] == (picture.window[3], picture.window[2])
 
 
 def moved(x: float) -> dict[str, object]:

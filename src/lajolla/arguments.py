@@ -102,7 +102,7 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
 
 
 def _refuse_with_pixel(arguments: argparse.Namespace, parser: Parser) -> None:
-    for name in ("denoise", "checkpoint", "time", "noise", "adaptive", "first_sample", "cluster"):
+    for name in ("denoise", "checkpoint", "time", "noise", "adaptive", "first_sample", "cluster", "tev"):
         if getattr(arguments, name):
             parser.error(f"--{name.replace('_', '-')} cannot be combined with --pixel")
 
@@ -308,6 +308,7 @@ def _add_render(parser: Parser) -> None:
         action="store_true",
         help="with --cluster: permit other instruction sets, which change the last bits of a picture",
     )
+    _add_tev(group)
     group.add_argument(
         "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
     )
@@ -316,6 +317,15 @@ def _add_render(parser: Parser) -> None:
     )
     group.add_argument(
         "--sample", type=option_values.whole("sample"), metavar="N", help="with --pixel: only this sample"
+    )
+
+
+def _add_tev(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--tev",
+        type=option_values.address,
+        metavar="HOST:PORT",
+        help="show the picture and its layers in tev while they are rendered; tev listens at localhost:14158",
     )
 
 
@@ -349,6 +359,7 @@ def _add_view(parser: Parser) -> None:
     group.add_argument(
         "--port", type=option_values.whole("port"), default=0, metavar="N", help="default: any free one"
     )
+    _add_tev(group)
     group.add_argument("--no-browser", action="store_true", help="only print the address")
     group.add_argument(
         "--threads", type=option_values.whole("threads"), metavar="N", help="number of threads (default: all)"

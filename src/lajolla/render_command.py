@@ -25,6 +25,7 @@ TYPE_CHECKING = False  # as in `lajolla`
 if TYPE_CHECKING:
     from lajolla.colour import FloatImage
     from lajolla.series import Render
+    from lajolla.tev import Tev
 
 SAVING_SECONDS = 60.0  # between two checkpoints
 
@@ -82,6 +83,11 @@ def command_render(arguments: argparse.Namespace) -> int:
         lajolla.outputs.check(arguments)
     if arguments.denoise:
         lajolla.denoising.check_available()
+    tev = (
+        None
+        if arguments.tev is None
+        else lajolla.tev.Tev(arguments.tev, lambda text: say(f"warning: {text}"))
+    )
     scene = load(arguments)
     for warning in scene.warnings:
         print_message(warning)
@@ -103,7 +109,7 @@ def command_render(arguments: argparse.Namespace) -> int:
     if arguments.resume is not None:
         lajolla.checkpoint.resume(rendering, arguments.resume)
         _warn_of_more_samples(rendering, arguments)
-    return _run_and_save(outputs, scene, rendering, arguments)
+    return _run_and_save(outputs, scene, rendering, arguments, tev)
 
 
 def _warn_of_more_samples(rendering: lajolla.Rendering, arguments: argparse.Namespace) -> None:
@@ -133,6 +139,7 @@ def _run_and_save(
     scene: lajolla.Scene,
     rendering: lajolla.Rendering,
     arguments: argparse.Namespace,
+    tev: Tev | None,
 ) -> int:
     """Renders, and saves what there is at the end, after an interrupt, or after an error."""
     file = arguments.checkpoint
@@ -150,7 +157,8 @@ def _run_and_save(
                             threads=arguments.threads, observe=patience.stopping(observe)
                         )
                 with displayed() as observe:
-                    rendering.run(patience.stopping(_saving(saver, observe)))
+                    shown = _shown(tev, str(outputs[0]), rendering, observe)
+                    rendering.run(patience.stopping(_saving(saver, shown)))
         except Exception as error:  # whatever it is, the samples so far are saved
             failure = error
         problem = failure or patience.interrupt
@@ -160,7 +168,7 @@ def _run_and_save(
             if saver is not None:
                 patience.save(saver.write)
             raise patience.interrupt
-        patience.save(_save, outputs, scene, rendering, features, arguments, saver)
+        patience.save(_save, outputs, scene, rendering, features, arguments, saver, tev)
     written = f"wrote {', '.join(map(str, outputs))} ({_summary(scene, rendering)})"
     if failure is not None:
         say(written)
@@ -195,6 +203,19 @@ def _saving(saver: lajolla.checkpoint.Saver | None, observe: Observer) -> Observ
     return observe_and_save
 
 
+def _shown(tev: Tev | None, name: str, rendering: lajolla.Rendering, observe: Observer) -> Observer:
+    """An observer that also shows the picture in tev."""
+    if tev is None:
+        return observe
+
+    def observe_and_show(progress: lajolla.Progress) -> None:
+        observe(progress)
+        if progress.samples > 0:
+            tev.offer(name, lambda: lajolla.tev.channels_of(rendering.mean()))
+
+    return observe_and_show
+
+
 def _save(
     outputs: Sequence[lajolla.outputs.Output],
     scene: lajolla.Scene,
@@ -202,6 +223,7 @@ def _save(
     features: Mapping[str, FloatImage] | None,
     arguments: argparse.Namespace,
     saver: lajolla.checkpoint.Saver | None,
+    tev: Tev | None,
 ) -> None:
     """Writes all outputs of a render, denoised if there are features."""
     failures: list[Exception] = []
@@ -218,7 +240,11 @@ def _save(
             picture = picture.denoise(features, threads=arguments.threads)
         except lajolla.DenoiseError as problem:
             failures.append(lajolla.DenoiseError(f"{problem}; the picture was saved as rendered"))
+    if tev is not None:
+        tev.offer(str(outputs[0]), lambda: lajolla.tev.channels_of(picture))
     lajolla.outputs.write_pictures(outputs, picture, arguments)
+    if tev is not None:
+        tev.close()
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         stats = lajolla.outputs.statistics(scene, rendering)

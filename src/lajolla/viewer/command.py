@@ -12,12 +12,14 @@ from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
+from lajolla.display import say
 from lajolla.image import Image
 from lajolla.interrupts import end_at_once, handled_by
 from lajolla.limits import OptionError
 from lajolla.loaded_scene import Scene
 from lajolla.params import ParamError
 from lajolla.render import StopRules, available_threads
+from lajolla.tev import Tev, channels_of
 from lajolla.viewer.facts import inspected, objects_found, parameters_of
 from lajolla.viewer.protocol import Message, Picture, bands, event
 from lajolla.viewer.replay import command_for
@@ -37,6 +39,7 @@ class Viewer:
         load: reads the scene, with the integrator of a name if one is given.
         arguments: the command line that named the scene.
         reference: a picture to compare with.
+        tev: shows the pictures too.
     """
 
     def __init__(
@@ -44,15 +47,22 @@ class Viewer:
         load: Callable[[str | None], Scene],
         arguments: argparse.Namespace,
         reference: Image | None = None,
+        tev: Tev | None = None,
     ) -> None:
         self.arguments = arguments
         self.reference = reference
+        self.tev = tev
         self.file: Path | None = None if str(arguments.scene) == "-" else arguments.scene
         self.server = ViewServer(Handlers(self._received, self._download, self._greeting), arguments.port)
         rules = StopRules(spp=arguments.spp, noise=arguments.noise or ALWAYS, adaptive=False)
         threads = arguments.threads or available_threads()
         folder = self.file.parent if self.file else Path()
         self.session = Session(load, rules, threads, self._publish, folder)
+
+    @property
+    def name(self) -> str:
+        """What pages call the scene."""
+        return self.file.name if self.file else "scene"
 
     async def run(self, announce: Callable[[str], None]) -> None:
         """Serves until it is cancelled; calls `announce` with the address when the scene is open.
@@ -69,13 +79,19 @@ class Viewer:
         await self._watch()
 
     def _publish(self, item: Picture | str) -> None:
+        view, layer = self.session.view, self.session.layer
+        if self.tev is not None and view is not None and isinstance(item, Picture) and item.is_whole:
+            image = Image(item.pixels)
+            shown = image if layer else view.rendering("").mean()
+            self.tev.offer(self.name, lambda: channels_of(shown))
         self.loop.call_soon_threadsafe(self.server.publish, item)
 
     def _greeting(self) -> list[Picture | str]:
-        name = self.file.name if self.file else "scene"
         latest = [self.session.latest] if self.session.latest else []
         return [
-            event("hello", file=name, folder=str(self.session.folder), reference=self.reference is not None),
+            event(
+                "hello", file=self.name, folder=str(self.session.folder), reference=self.reference is not None
+            ),
             *self.session.state.values(),
             *latest,
         ]
@@ -167,6 +183,7 @@ def _saved(view: View) -> Answer:
 def view(arguments: argparse.Namespace, load: Callable[[], Scene]) -> int:
     """Runs `lajolla view` until Ctrl-C; prints the address and opens it in the browser."""
     reference = Image.open(arguments.compare) if arguments.compare is not None else None
+    tev = None if arguments.tev is None else Tev(arguments.tev, lambda text: say(f"warning: {text}"))
     own = arguments.integrator
 
     def load_with(integrator: str | None) -> Scene:
@@ -182,5 +199,5 @@ def view(arguments: argparse.Namespace, load: Callable[[], Scene]) -> int:
             webbrowser.open(address)
 
     with handled_by(partial(end_at_once, message="the viewer has ended")):
-        asyncio.run(Viewer(load_with, arguments, reference).run(announce))
+        asyncio.run(Viewer(load_with, arguments, reference, tev).run(announce))
     return 0

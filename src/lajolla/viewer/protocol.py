@@ -154,6 +154,11 @@ class Picture:
     window: tuple[int, int, int, int]
     limits: tuple[float, float] | None = None
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is no preview."""
+        return self.pixels.shape[:2] == (self.window[3], self.window[2])
+
 
 # number, view, left, top, width, height of the window, width and height of the pixels, first row of the band,
 # rows of the band, whether there are limits, the limits; all little-endian, and 56 bytes long.

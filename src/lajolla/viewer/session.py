@@ -54,6 +54,7 @@ class Session:
         state: the last message of each type, for a page that comes later.
         latest: the last picture.
         changes: parameters that were changed, by path; those of other sensors are not among them.
+        layer: what is shown; "" is the picture.
         sensor: the name of the one that is looked through; chosen_sensor: if it was chosen in the page.
         opened: is set when the scene was read for the first time, or could not be: then `failure` says why.
     """
@@ -73,7 +74,7 @@ class Session:
         self._of_others: dict[str, dict[str, Any]] = {}  # changes of other sensors
         self.opened = threading.Event()
         self.failure: Exception | None = None
-        self._layer = ""
+        self.layer = ""
         self._paused = False
         self._closed = False
         self._pace = Pace()
@@ -148,7 +149,7 @@ class Session:
         self.sensor = scene.sensor
         self._look_at(scene)
         assert self.view is not None
-        self._tell("opened", **scene_facts(self.view, self._layer))
+        self._tell("opened", **scene_facts(self.view, self.layer))
 
     def _reload(self, message: Message) -> None:
         """Reads the scene again, one of whose files was changed.
@@ -240,8 +241,8 @@ class Session:
         name = message["layer"]
         if self.view is not None and name and name not in self.view.layers:
             raise OptionError(f"there is no layer {name!r}")
-        self._seen = self._seen and self._layer == name
-        self._layer = name
+        self._seen = self._seen and self.layer == name
+        self.layer = name
 
     def _limit(self, message: Message) -> None:
         self.rules = replace(self.rules, spp=message["samples"])
@@ -275,19 +276,19 @@ class Session:
 
     def _preview(self, view: View) -> None:
         """Pictures with few pixels; the first one is shown even if the view has changed meanwhile."""
-        for divisor in self._pace.divisors(self._layer, view.scene.width * view.scene.height):
+        for divisor in self._pace.divisors(self.layer, view.scene.width * view.scene.height):
             if self._seen and self._pending:
                 return
             start = time.perf_counter()
             begun = self._cancellable if self._seen else lambda render: None
-            pixels = view.preview(self._layer, divisor, begun)
+            pixels = view.preview(self.layer, divisor, begun)
             if pixels is None:
                 return
-            self._pace.measure(self._layer, pixels.shape[0] * pixels.shape[1], time.perf_counter() - start)
+            self._pace.measure(self.layer, pixels.shape[0] * pixels.shape[1], time.perf_counter() - start)
             self._publish(view, pixels)
 
     def _accumulate(self, view: View) -> None:
-        layer = self._layer
+        layer = self.layer
         if layer in IDS:
             self._publish(view, view.picture(layer))
             return self._tell_progress("finished")
@@ -323,7 +324,7 @@ class Session:
 
     def _publish(self, view: View, pixels: FloatImage) -> None:
         self._pictures += 1
-        limits = limits_of(self._layer, pixels)
+        limits = limits_of(self.layer, pixels)
         self.latest = Picture(pixels, self._pictures, view.number, view.window, limits)
         self._seen = True
         self.listener(self.latest)
@@ -337,7 +338,7 @@ class Session:
     def _tell_progress(self, state: str, progress: Progress | None = None) -> None:
         if self.view is None:
             return
-        rendering = self.view.rendering(self._layer)
+        rendering = self.view.rendering(self.layer)
         progress = progress or Progress(
             rendering.samples, rendering.seconds, rendering.rules, rendering.noise
         )
