@@ -109,7 +109,15 @@ def command_render(arguments: argparse.Namespace) -> int:
     if arguments.resume is not None:
         lajolla.checkpoint.resume(rendering, arguments.resume)
         _warn_of_more_samples(rendering, arguments)
-    return _run_and_save(outputs, scene, rendering, arguments, tev)
+    name = str(outputs[0])
+    shown = [] if tev is None else [partial(_show_in_tev, tev, name, rendering)]
+    if not arguments.view:
+        return _run_and_save(outputs, scene, rendering, arguments, tev, shown)
+    from lajolla.viewer.during_render import page_of_render  # here, as other renders need no server
+
+    names = ", ".join(map(str, outputs))
+    with page_of_render(scene, rendering, arguments, names) as observe:
+        return _run_and_save(outputs, scene, rendering, arguments, tev, [*shown, observe])
 
 
 def _warn_of_more_samples(rendering: lajolla.Rendering, arguments: argparse.Namespace) -> None:
@@ -140,6 +148,7 @@ def _run_and_save(
     rendering: lajolla.Rendering,
     arguments: argparse.Namespace,
     tev: Tev | None,
+    shown: Sequence[Observer],
 ) -> int:
     """Renders, and saves what there is at the end, after an interrupt, or after an error."""
     file = arguments.checkpoint
@@ -157,8 +166,7 @@ def _run_and_save(
                             threads=arguments.threads, observe=patience.stopping(observe)
                         )
                 with displayed() as observe:
-                    shown = _shown(tev, str(outputs[0]), rendering, observe)
-                    rendering.run(patience.stopping(_saving(saver, shown)))
+                    rendering.run(patience.stopping(_saving(saver, _together(observe, *shown))))
         except Exception as error:  # whatever it is, the samples so far are saved
             failure = error
         problem = failure or patience.interrupt
@@ -203,17 +211,19 @@ def _saving(saver: lajolla.checkpoint.Saver | None, observe: Observer) -> Observ
     return observe_and_save
 
 
-def _shown(tev: Tev | None, name: str, rendering: lajolla.Rendering, observe: Observer) -> Observer:
-    """An observer that also shows the picture in tev."""
-    if tev is None:
-        return observe
+def _together(*observers: Observer) -> Observer:
+    """An observer that calls others."""
 
-    def observe_and_show(progress: lajolla.Progress) -> None:
-        observe(progress)
-        if progress.samples > 0:
-            tev.offer(name, lambda: lajolla.tev.channels_of(rendering.mean()))
+    def observe_all(progress: lajolla.Progress) -> None:
+        for observe in observers:
+            observe(progress)
 
-    return observe_and_show
+    return observe_all
+
+
+def _show_in_tev(tev: Tev, name: str, rendering: lajolla.Rendering, progress: lajolla.Progress) -> None:
+    if progress.samples > 0:
+        tev.offer(name, lambda: lajolla.tev.channels_of(rendering.mean()))
 
 
 def _save(

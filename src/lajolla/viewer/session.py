@@ -12,8 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
-
 from lajolla import _core
 from lajolla.aovs import IDS
 from lajolla.colour import FloatImage
@@ -26,21 +24,21 @@ from lajolla.render import Progress, RenderCancelled, StopRules
 from lajolla.scene import SceneError
 from lajolla.viewer.facts import depth, scene_facts, view_facts
 from lajolla.viewer.pace import Pace
-from lajolla.viewer.protocol import Message, Picture, event
-from lajolla.viewer.view import View, limits_of
+from lajolla.viewer.protocol import Message
+from lajolla.viewer.shown import Listener, Shown
+from lajolla.viewer.view import View
 
 ALWAYS = 1e-9  # a relative error that is never reached; with it, errors are estimated
 INTERVALS = (0.1, 2.0)  # seconds between two pictures of the same view, at least and at most
 
 FILE_NAME = re.compile(r"[^/\\\0.][^/\\\0]*\.xml", re.IGNORECASE)  # in the same folder, and not hidden
 
-Listener: TypeAlias = Callable[["Picture | str"], None]
 Load: TypeAlias = Callable[["str | None"], Scene]
 REFUSALS = (SceneError, OptionError, ParamError, ImageError, _core.DescriptionError)
 OF_SENSOR = ("sensor.", "film.", "rfilter.", "sampler.")  # beginnings of parameters that each sensor has
 
 
-class Session:
+class Session(Shown):
     """Renders a scene in a thread of its own, and tells a listener what there is to show.
 
     Args:
@@ -51,35 +49,24 @@ class Session:
         folder: where the page may save the scene.
 
     Attributes:
-        state: the last message of each type, for a page that comes later.
-        latest: the last picture.
-        changes: parameters that were changed, by path; those of other sensors are not among them.
-        layer: what is shown; "" is the picture.
-        sensor: the name of the one that is looked through; chosen_sensor: if it was chosen in the page.
+        sensor: the name of the one that is looked through.
         opened: is set when the scene was read for the first time, or could not be: then `failure` says why.
     """
 
     def __init__(
         self, load: Load, rules: StopRules, threads: int, listener: Listener, folder: Path | None = None
     ) -> None:
-        self.load, self.rules, self.threads, self.listener = load, rules, threads, listener
+        super().__init__(listener)
+        self.load, self.rules, self.threads = load, rules, threads
         self.folder = folder or Path()
-        self.state: dict[str, str] = {}
-        self.latest: Picture | None = None
-        self.view: View | None = None
-        self.changes: dict[str, Any] = {}
-        self.integrator: str | None = None  # that was chosen instead of the scene's
         self.sensor = ""
-        self.chosen_sensor: str | None = None
         self._of_others: dict[str, dict[str, Any]] = {}  # changes of other sensors
         self.opened = threading.Event()
         self.failure: Exception | None = None
-        self.layer = ""
         self._paused = False
         self._closed = False
         self._pace = Pace()
         self._seen = False  # whether there is a picture of the present view and layer
-        self._pictures = 0
         self._changed = threading.Condition()
         self._pending: list[Message] = []
         self._running: _core.Render | None = None  # what a new message cancels
@@ -127,11 +114,11 @@ class Session:
                 warnings.simplefilter("always", LajollaWarning)
                 getattr(self, f"_{message.type}")(message)
             for warning in found:
-                self._tell("noticed", message=str(warning.message))
+                self.tell("noticed", message=str(warning.message))
         except REFUSALS as problem:
-            self._tell("refused", message=str(problem))
+            self.tell("refused", message=str(problem))
         except Exception as problem:  # a fault of ours: the viewer goes on with the scene that it has
-            self._tell("refused", message=f"{type(problem).__name__}: {problem}")
+            self.tell("refused", message=f"{type(problem).__name__}: {problem}")
 
     def _open(self, changes: Mapping[str, Any]) -> None:
         """Reads the scene, and makes these changes, as far as it has such parameters."""
@@ -149,7 +136,7 @@ class Session:
         self.sensor = scene.sensor
         self._look_at(scene)
         assert self.view is not None
-        self._tell("opened", **scene_facts(self.view, self.layer))
+        self.tell("opened", **scene_facts(self.view, self.layer))
 
     def _reload(self, message: Message) -> None:
         """Reads the scene again, one of whose files was changed.
@@ -162,7 +149,7 @@ class Session:
             self._open(_kept(self.changes, whole))
         except Exception as problem:
             self._of_others = others
-            self._tell("failed", message=f"the scene could not be read: {problem}")
+            self.tell("failed", message=f"the scene could not be read: {problem}")
 
     def _choose(self, message: Message) -> None:
         """Another integrator."""
@@ -194,7 +181,7 @@ class Session:
         if os.path.lexists(target):
             raise OptionError(f"{name} exists; choose another name")
         self._scene().save(target)
-        self._tell("noticed", message=f"wrote {target}")
+        self.tell("noticed", message=f"wrote {target}")
 
     def _look_at(self, scene: Scene) -> None:
         """Begins another view."""
@@ -202,7 +189,7 @@ class Session:
         self.view = View(scene, number, self._rules(scene), self.threads)
         self._seen = False
         self.state.pop("failed", None)
-        self._tell("viewed", **view_facts(self.view))
+        self.tell("viewed", **view_facts(self.view))
 
     def _rules(self, scene: Scene) -> StopRules:
         """When the render of the picture ends: by itself if nothing was asked for."""
@@ -251,7 +238,7 @@ class Session:
 
     def _pause(self, message: Message) -> None:
         self._paused = True
-        self._tell_progress("paused")
+        self.tell_progress("paused")
 
     def _resume(self, message: Message) -> None:
         self._paused = False
@@ -268,7 +255,7 @@ class Session:
         except RenderCancelled:  # now, or by a message that came between two passes
             return False
         except Exception as problem:
-            self._tell("failed", message=f"the render ended: {type(problem).__name__}: {problem}")
+            self.tell("failed", message=f"the render ended: {type(problem).__name__}: {problem}")
         finally:
             with self._changed:
                 self._running = None
@@ -285,13 +272,13 @@ class Session:
             if pixels is None:
                 return
             self._pace.measure(self.layer, pixels.shape[0] * pixels.shape[1], time.perf_counter() - start)
-            self._publish(view, pixels)
+            self._show(view, pixels)
 
     def _accumulate(self, view: View) -> None:
         layer = self.layer
         if layer in IDS:
-            self._publish(view, view.picture(layer))
-            return self._tell_progress("finished")
+            self._show(view, view.picture(layer))
+            return self.tell_progress("finished")
         rendering = view.rendering(layer)
         start = shown = time.perf_counter()
         pixels, before = view.scene.width * view.scene.height, rendering.samples
@@ -304,14 +291,18 @@ class Session:
             due = now - shown > min(max(INTERVALS[0], (now - start) / 8), INTERVALS[1])
             if (due or not self._seen) and rendering.accumulator.counts.min() > 0:
                 self._pace.measure(layer, (rendering.samples - before) * pixels, now - start)
-                self._publish(view, view.picture(layer))
+                self._show(view, view.picture(layer))
                 self._cancellable(rendering.accumulator)
                 shown = now
-            self._tell_progress("rendering", progress)
+            self.tell_progress("rendering", progress)
 
         rendering.run(observe)
-        self._publish(view, view.picture(layer))
-        return self._tell_progress("finished")
+        self._show(view, view.picture(layer))
+        return self.tell_progress("finished")
+
+    def _show(self, view: View, pixels: FloatImage) -> None:
+        self._seen = True
+        self.publish(view, pixels)
 
     def _cancellable(self, render: _core.Render) -> None:
         """Lets messages cancel a render from now on; it is cancelled at once if there is one already."""
@@ -319,45 +310,6 @@ class Session:
             self._running = render
             if self._pending:
                 render.cancel()
-
-    # --- what the page is told ----------------------------------------------------------------------------
-
-    def _publish(self, view: View, pixels: FloatImage) -> None:
-        self._pictures += 1
-        limits = limits_of(self.layer, pixels)
-        self.latest = Picture(pixels, self._pictures, view.number, view.window, limits)
-        self._seen = True
-        self.listener(self.latest)
-
-    def _tell(self, type: str, **fields: object) -> None:
-        text = event(type, **fields)
-        if type not in ("refused", "noticed"):  # these are of the moment
-            self.state[type] = text
-        self.listener(text)
-
-    def _tell_progress(self, state: str, progress: Progress | None = None) -> None:
-        if self.view is None:
-            return
-        rendering = self.view.rendering(self.layer)
-        progress = progress or Progress(
-            rendering.samples, rendering.seconds, rendering.rules, rendering.noise
-        )
-        seconds = max(rendering.seconds, 1e-9)
-        pixels = self.view.scene.width * self.view.scene.height
-        self._tell(
-            "progress",
-            state=state,
-            picture=self._pictures,  # the last one; it may come later than this message
-            fraction=progress.fraction,
-            samples=progress.samples,
-            limit=rendering.rules.spp,
-            seconds=seconds,
-            seconds_left=progress.seconds_left,
-            samples_per_second=progress.samples * pixels / seconds,
-            rays_per_second=float(np.sum(rendering.accumulator.rays)) / seconds,
-            noise=rendering.noise,
-            nonfinite=rendering.accumulator.nonfinite,
-        )
 
 
 def _with_changes(scene: Scene, changes: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:

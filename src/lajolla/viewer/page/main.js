@@ -36,6 +36,7 @@ const connection = new Connection({
     const { file, reference } = message;
     element("title").textContent = file;
     panels.hello(message);
+    if (message.fixed) document.body.classList.add("fixed");
     document.title = `${file} – lajolla`;
     if (reference) compareWithReference(display).then(() => panels.compare("split"));
   },
@@ -67,14 +68,20 @@ const connection = new Connection({
   noticed: ({ message }) => say(message),
   refused: ({ message }) => say(message, true),
   failed: ({ message }) => say(message, true),
+  ended: ({ message }) => {
+    connection.ended = true;
+    say(message);
+  },
 });
+
+const isFixed = () => document.body.classList.contains("fixed"); // nothing can be changed
 
 const panels = new Panels(connection, display, { say, home: goHome });
 
 // The placement of the camera that the viewer has.
 function adopt() {
   const matrix = view.sensor.to_world;
-  if (!matrix) return;
+  if (!matrix || isFixed()) return;
   if (!homes.has(view.camera)) {
     homes.set(view.camera, matrix);
     camera.open(matrix);

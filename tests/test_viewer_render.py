@@ -1,0 +1,107 @@
+"""`lajolla render --view`: a page that shows a render of the command line, and changes nothing of it."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser_tools import chromium
+from viewer_tools import SCENE, Client
+
+import lajolla
+from lajolla.cli import main
+
+pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
+SIZE = ("--size", "192x128", "--seed", "3")
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.xml"
+    path.write_text(SCENE)
+    return path
+
+
+@contextmanager
+def render(scene: Path, spp: int, *options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """The address of the page of a render, and its process, which is ended afterwards."""
+    words = ["render", str(scene), "--spp", str(spp), "-o", str(scene.with_name("out.exr")), *SIZE]
+    command = [sys.executable, "-m", "lajolla", *words, "--view", "--no-browser", "--quiet", *options]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        try:
+            yield process.stderr.readline().strip().removeprefix("lajolla: the page is "), process
+        finally:
+            process.kill()
+
+
+def test_a_render_with_a_page_has_the_same_bits(scene: Path) -> None:
+    with render(scene, 512, "--aov", "albedo") as (address, process), Client(address) as client:
+        assert client.wait_for("hello")["fixed"]
+        client.wait_for_picture(0, whole=True)
+        assert set(client.messages["opened"]["layers"]) == {"albedo", "samples"}
+        for message in ({"type": "edit", "values": {"sensor.fov": 5.0}}, {"type": "show", "layer": "depth"}):
+            client.send(**message)  # type: ignore[arg-type]
+            assert "which stays as it is" in client.wait_for("refused")["message"]
+        client.send("show", layer="albedo")
+        while client.picture is None or client.picture.limits != (0, 1):
+            client.receive()
+        client.send("show", layer="")
+        client.send("inspect", x=96, y=64)
+        assert client.wait_for("inspected")["shape"] == "ball"
+        out = scene.with_name("out.exr")
+        assert client.wait_for("ended", seconds=60)["message"] == f"The render has ended; wrote {out}."
+        assert process.wait(timeout=20) == 0
+    shown = client.picture
+    plain = scene.with_name("plain.exr")
+    assert main(["render", str(scene), "--spp", "512", "-o", str(plain), *SIZE, "--aov", "albedo"]) == 0
+    expected = lajolla.Image.open(plain)
+    found = lajolla.Image.open(out)
+    np.testing.assert_array_equal(found.array, expected.array)
+    np.testing.assert_array_equal(found.channels["albedo.R"], expected.channels["albedo.R"])
+    np.testing.assert_array_equal(shown.pixels, expected.array.astype(np.float16))
+
+
+def test_the_page_keeps_the_last_picture(scene: Path) -> None:
+    with chromium(1200, 800) as browser, render(scene, 1 << 16) as (address, process):
+        browser.get(address)
+
+        def until(condition: str) -> None:
+            from selenium.webdriver.support.ui import WebDriverWait
+
+            WebDriverWait(browser, 30).until(lambda b: b.execute_script(f"return Boolean({condition})"))
+
+        until("window.lajolla?.display.pictures.picture && document.querySelector('[data-path]')")
+        enabled = "return [...document.querySelectorAll('[data-path]')].filter((e) => !e.disabled).length"
+        assert browser.execute_script(enabled) == 0
+        assert not browser.execute_script("return document.getElementById('pause').offsetParent")
+        process.terminate()  # ends as Ctrl-C does: the picture so far is written
+        until("document.getElementById('notice').textContent.startsWith('The render has ended; wrote')")
+        assert process.wait(timeout=20) == 143
+        until("window.lajolla.connection.socket.readyState === WebSocket.CLOSED")
+        number = "return window.lajolla.display.pictures.picture.number"
+        assert browser.execute_script(number) > 0
+        severe = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+        assert severe == [], json.dumps(severe)
+
+
+def test_options_that_do_not_fit(scene: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    for options, reason in (
+        (["--view", "--pixel", "1,1"], "--view cannot be combined with --pixel"),
+        (["--view", "--frames", "1-2"], "--view shows one render"),
+        (["--no-browser"], "--port and --no-browser need --view"),
+    ):
+        assert main(["render", str(scene), *options]) == 1
+        assert reason in capfd.readouterr().err
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = str(other.getsockname()[1])
+        assert main(["render", str(scene), "--view", "--no-browser", "--port", port]) == 1
+    assert f"error: port {port} is taken" in capfd.readouterr().err
+    assert not list(scene.parent.glob("*.exr"))
