@@ -12,7 +12,6 @@ import pytest
 import lajolla
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
-SHARED = Path(__file__).resolve().parent.parent.parent / "shared" / "scenes"
 pytestmark = pytest.mark.filterwarnings("ignore::lajolla.SceneWarning")
 
 SCENE = """<?xml version="1.0"?>
@@ -74,12 +73,10 @@ def mesh_of(scene: lajolla.Scene) -> str:
     ["cornell-box.xml", "lajolla/cbox/cbox.xml", "dppm/veach-lamp/scene.xml"],
     ids=["box", "0.5", "0.6"],
 )
-def test_edited_scenes_have_the_same_bits(name: str, tmp_path: Path) -> None:
+def test_edited_scenes_have_the_same_bits(name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     """Colours, roughness, light, camera, film, depth, a placement, vertices, and pixels."""
-    path = SCENES / name if "/" not in name else SHARED / name
-    if not path.exists():
-        pytest.skip("without the public scenes")
-    scene = lajolla.load(path)
+    folder = SCENES if "/" not in name else request.getfixturevalue("shared_scenes")
+    scene = lajolla.load(folder / name)
     values: dict[str, Any] = {"film.size": (24, 16), "sensor.fov": 33.25, "integrator.max_depth": 4}
     values["sensor.to_world"] = moved(scene["sensor.to_world"], 0.125)
     mesh = mesh_of(scene)

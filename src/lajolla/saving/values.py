@@ -46,7 +46,7 @@ class Values:
     def whole(self, found: SceneObject, entry: Entry, name: str = "") -> ET.Element:
         """An object with all its values."""
         plugin = PLUGINS.get((found.kind, found.model), found.model)
-        element = ET.Element(found.kind, type=plugin, **({"name": name} if name else {}))
+        element = ET.Element(found.kind, {"type": plugin, **({"name": name} if name else {})})
         for declared in found.fields.values():
             value = entry.get(declared.name, declared.default)
             if not is_plain(declared, value):
@@ -184,9 +184,10 @@ def equal(a: Any, b: Any) -> bool:  # noqa: ANN401
     if isinstance(a, list | tuple) and isinstance(b, list | tuple) and any(map(_is_nested, [*a, *b])):
         return len(a) == len(b) and all(map(equal, a, b))
     x, y = np.asarray(a), np.asarray(b)
-    return (x.size == 1 or y.size == 1 or x.shape == y.shape) and bool(
-        np.array_equal(*np.broadcast_arrays(x, y), equal_nan=x.dtype.kind == y.dtype.kind == "f")
-    )
+    if 1 not in (x.size, y.size) and x.shape != y.shape:
+        return False
+    x, y = np.broadcast_arrays(x, y)
+    return bool(np.array_equal(x, y, equal_nan=x.dtype.kind == y.dtype.kind == "f"))
 
 
 def is_plain(declared: Field, value: Any) -> bool:  # noqa: ANN401

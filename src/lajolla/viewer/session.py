@@ -272,12 +272,12 @@ class Session(Shown):
             if pixels is None:
                 return
             self._pace.measure(self.layer, pixels.shape[0] * pixels.shape[1], time.perf_counter() - start)
-            self._show(view, pixels)
+            self._publish(view, pixels)
 
     def _accumulate(self, view: View) -> None:
         layer = self.layer
         if layer in IDS:
-            self._show(view, view.picture(layer))
+            self._publish(view, view.picture(layer))
             return self.tell_progress("finished")
         rendering = view.rendering(layer)
         start = shown = time.perf_counter()
@@ -291,16 +291,16 @@ class Session(Shown):
             due = now - shown > min(max(INTERVALS[0], (now - start) / 8), INTERVALS[1])
             if (due or not self._seen) and rendering.accumulator.counts.min() > 0:
                 self._pace.measure(layer, (rendering.samples - before) * pixels, now - start)
-                self._show(view, view.picture(layer))
+                self._publish(view, view.picture(layer))
                 self._cancellable(rendering.accumulator)
                 shown = now
             self.tell_progress("rendering", progress)
 
         rendering.run(observe)
-        self._show(view, view.picture(layer))
+        self._publish(view, view.picture(layer))
         return self.tell_progress("finished")
 
-    def _show(self, view: View, pixels: FloatImage) -> None:
+    def _publish(self, view: View, pixels: FloatImage) -> None:
         self._seen = True
         self.publish(view, pixels)
 
