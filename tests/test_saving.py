@@ -152,6 +152,20 @@ def test_values_without_a_property_replace_the_others(path: Path) -> None:
     assert "Au" not in copy.read_text() and 'name="k"' in copy.read_text()
 
 
+def test_a_cylinder_and_a_coating(path: Path) -> None:
+    """What the reader restates: the scale of a cylinder, and a coating that becomes dull."""
+    tube = """<shape type="cylinder" id="tube"><point name="p1" value="0, 1, 2"/>
+        <transform name="to_world"><rotate x="1" angle="20"/><scale value="0.7"/></transform>
+        <bsdf type="coating" id="coat"><bsdf type="diffuse"/></bsdf></shape>"""
+    path.write_text(SCENE.replace("    <include", f"    {tube}\n    <include"))
+    scene = lajolla.load(path)
+    scene["tube.to_world"] = moved(scene["tube.to_world"], 0.5)
+    scene["tube.radius"] = 0.4
+    scene["coat.alpha"] = 0.2
+    scene["coat.base.reflectance"] = (0.1, 0.2, 0.3)
+    assert 'type="roughcoating"' in saved_text(scene, path.with_name("other.xml"))
+
+
 def test_arrays_become_files(path: Path) -> None:
     scene = lajolla.load(path)
     scene["floor.positions"] = scene["floor.positions"] * 1.5
