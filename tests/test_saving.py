@@ -201,12 +201,26 @@ def test_options_and_parameters_of_load(path: Path) -> None:
         sampled.save(path.with_name("sampled.xml"))
 
 
-def test_what_cannot_be_written_is_named(path: Path, tmp_path: Path) -> None:
-    path.write_text(SCENE.replace('<emitter type="constant" id="sky"/>', '<emitter type="sky" id="sky"/>'))
+def test_a_computed_sky_becomes_a_picture(path: Path) -> None:
+    """Sun and sky are two lights of one element; and the integrator inside of another one is changed."""
+    inside = (
+        '<integrator type="aov"><string name="aovs" value="d:depth"/><integrator type="path"/></integrator>'
+    )
+    text = SCENE.replace('<emitter type="constant" id="sky"/>', '<emitter type="sunsky" id="day"/>')
+    path.write_text(text.replace('<integrator type="path"/>', inside))
     scene = lajolla.load(path)
-    scene["sky.image"] = scene["sky.image"] * 0.5
+    scene["integrator.max_depth"] = 3
+    scene["day.scale"] = 0.25
+    saved = saved_text(scene, path.with_name("other.xml"))
+    assert 'type="envmap" id="day"' in saved and 'type="distantdisk"' in saved
+    assert [file.suffix for file in path.with_name("other-files").iterdir()] == [".exr"]
+
+
+def test_what_cannot_be_written_is_named(path: Path, tmp_path: Path) -> None:
+    scene = lajolla.load(path)
+    scene["floor.normals"] = scene["floor.normals"] * 0.5
     before = sorted(tmp_path.rglob("*"))
-    with pytest.raises(lajolla.SceneError, match=r"scene.xml:15:5: error: sky\.image cannot be saved: "):
+    with pytest.raises(lajolla.SceneError, match=r"ball.xml:4:5: error: floor\.normals cannot be saved: "):
         scene.save(tmp_path / "other.xml")
     assert sorted(tmp_path.rglob("*")) == before, "nothing is left"
     for unknown in (pickle.loads(pickle.dumps(scene)), lajolla.load_dict(DICT)):

@@ -197,6 +197,8 @@ class SceneEdits:
             if not bsdfs:
                 raise NotWritten("the bsdf is declared elsewhere and may be a part of others")
             element = self._text(place).element(Location(place.source, bsdfs[0].start))
+        if found.kind == "integrator":  # that of the picture is the first inside of others
+            element = self._innermost(element)
         if kind_of(element.span) != KIND_IN_FILES.get(found.kind, found.kind):
             made = self.values.whole(found, changed.entry)
             element.put([made], lambda child: kind_of(child) == found.kind)
@@ -204,6 +206,12 @@ class SceneEdits:
             self._write_whole(element, changed)
         else:
             self._write_fields(element, changed)
+
+    def _innermost(self, element: ElementText) -> ElementText:
+        while inner := [child for child in element.span.children if child.tag == "integrator"]:
+            place = Location(element.source, inner[0].start)
+            element = self._text(place).element(place)
+        return element
 
     def _write_fields(self, element: ElementText, changed: Changed) -> None:
         """Writes the values that differ, and keeps the others."""
@@ -265,6 +273,12 @@ class SceneEdits:
     def _write_whole(self, element: ElementText, changed: Changed) -> None:
         """Writes all values of an object, with the name that its model has."""
         found, entry = changed.found, changed.entry
+        lights = self._lights_at(element) if found.kind == "emitter" else []
+        if len(lights) > 1:
+            element.instead = [self.values.whole(light, self.lists.entry(light.entry)) for light in lights]
+            if "id" in element.span.attributes:
+                element.instead[0].set("id", element.span.attributes["id"])
+            return
         element.attributes["type"] = PLUGINS.get((found.kind, found.model), found.model)
         for child in element.span.children:
             named = self._meaning(child, element, found)
@@ -280,6 +294,15 @@ class SceneEdits:
             element.added.append(ET.Element("float", name=name, value=repr(number)))
         for name in {"bsdf", *MEDIA} & {*changed.names}:
             self._put(element, changed, name, (name,))
+
+    def _lights_at(self, element: ElementText) -> list[SceneObject]:
+        """The lights that come from one element, such as the sun and the sky."""
+        place = Location(element.source, element.span.start)
+        return [
+            self.params.objects[name]
+            for name, found in self.before.objects.items()
+            if found.kind == "emitter" and self.read.places.find(found.entry) == place
+        ]
 
     @staticmethod
     def _meaning(child: Span, element: ElementText, found: SceneObject) -> str:

@@ -79,10 +79,9 @@ class ElementText:
         self.source = source
         self.span = span_at(source.data, start)
         self.attributes: dict[str, str] = {}  # new values
-        self.replaced: dict[
-            int, list[ET.Element]
-        ] = {}  # children by their starts, and what takes their place
+        self.replaced: dict[int, list[ET.Element]] = {}  # what takes the place of children, by their starts
         self.added: list[ET.Element] = []
+        self.instead: list[ET.Element] = []  # of the whole element
 
     def put(self, new: list[ET.Element], instead_of: Callable[[Span], bool]) -> None:
         """Puts elements in the place of some children, or behind all of them."""
@@ -97,6 +96,9 @@ class ElementText:
     def splices(self) -> Iterator[Splice]:
         """The changes of the text."""
         data, span = self.source.data, self.span
+        if self.instead:
+            yield self._replacement(span, self.instead)
+            return
         for name, value in self.attributes.items():
             yield _attribute(self.source, span, name, value)
         for child in span.children:

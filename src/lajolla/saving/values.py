@@ -20,11 +20,8 @@ from lajolla.scene.schema import Field
 
 Refer = Callable[[str, str], str | None]  # kind and entry: the id of an object of the file, if it is one
 
-PLUGINS = {
-    ("shape", "mesh"): "ply",
-    ("film", "film"): "hdrfilm",
-    ("bsdf", "coating"): "roughcoating",
-}  # whose names differ from those of the core
+# Plugins whose names differ from those of the core's models.
+PLUGINS = {("shape", "mesh"): "ply", ("film", "film"): "hdrfilm", ("bsdf", "coating"): "roughcoating"}
 NOT_WRITTEN = ("curves", "measurement")  # types of fields
 
 
