@@ -20,6 +20,7 @@ from lajolla.params.values import WITH_OBJECTS
 from lajolla.saving.values import differing_arrays, equal, material_entry
 
 OUTPUTS = ("other_integrators", "channels")
+LISTS = (*KINDS, "materials", "groups")
 MEDIA = ("interior", "exterior", "medium")
 
 
@@ -40,7 +41,7 @@ class Comparison:
         """The paths of all parameters that differ."""
         for where in SINGLE:
             yield from self.entries(where, where, where)
-        for where in ("shapes", "instances", "emitters"):
+        for where in () if self._same_lists() else ("shapes", "instances", "emitters"):
             counts = {lists.count(where) for lists in (self.first, self.second)}
             if len(counts) > 1:
                 yield where
@@ -49,6 +50,10 @@ class Comparison:
         for name in ("other_integrators", "channels", "groups"):
             if not equal(self.first.core.get(name), self.second.core.get(name)):
                 yield "integrator" if name in OUTPUTS else name
+
+    def _same_lists(self) -> bool:
+        """Whether all lists are the same, entry by entry: no object has to be looked at then."""
+        return all(equal(self.first.core.get(name), self.second.core.get(name)) for name in LISTS)
 
     def entries(self, first: str, second: str, fallback: str) -> Iterator[str]:
         """The paths of what differs between an entry of either one, and what they refer to."""

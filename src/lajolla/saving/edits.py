@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from lajolla.params import Params
-from lajolla.params.objects import MATERIAL, SINGLE, Entry, Lists, SceneObject, names_by_entry
+from lajolla.params.objects import KINDS as KINDS_OF
+from lajolla.params.objects import MATERIAL, SINGLE, Entry, Lists, SceneObject, names_by_entry, place_of
 from lajolla.params.values import WITH_OBJECTS
 from lajolla.saving.differences import whole_window
 from lajolla.saving.texts import ElementText, SourceText, Span
@@ -108,9 +109,10 @@ class SceneEdits:
         """The objects of the file that differ."""
         yield from self._of_views()
         lists = Lists(self.read.core)
+        same = {where for where in KINDS_OF if self.read.core.get(where) is self.now.core.get(where)}
         for name, found in self.before.objects.items():
             after = self.params.objects.get(name)
-            if after is None or found.kind in SINGLE:
+            if after is None or found.kind in SINGLE or place_of(found.entry)[0] in same:
                 continue
             old, new = (
                 inside(all_.entry(one.entry), one) for all_, one in ((lists, found), (self.lists, after))
