@@ -168,7 +168,7 @@ def test_a_tev_that_goes_away_does_not_stop_the_render(
     scene: Path, capfd: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     tev, out = FakeTev(most_packets=1), tmp_path / "out.exr"
-    options = ["--size", "512x512", "--spp", "64", "-o", str(out), "--tev", tev.address, "--quiet"]
+    options = ["--size", "256x256", "--spp", "64", "-o", str(out), "--tev", tev.address, "--quiet"]
     assert main(["render", str(scene), *options]) == 0
     assert out.exists()
     (line,) = capfd.readouterr().err.splitlines()

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from browser_tools import chromium
 from OpenImageIO import ImageInput
-from viewer_tools import SCENE, SENSORS, viewer
+from viewer_tools import SCENE, SENSORS, render, viewer
 
 import lajolla
 
@@ -287,6 +287,20 @@ def test_another_sensor_and_saving(browser: Chrome, scene: Path) -> None:
         page.until("document.getElementById('notice').textContent.includes('scene-edited.xml exists')")
         assert page.problems() == []
     assert lajolla.load(scene.with_name("scene-edited.xml"))["sensor.to_world"][0, 3] == 4
+
+
+def test_a_page_of_a_render_keeps_the_last_picture(browser: Chrome, scene: Path) -> None:
+    with render(scene, 1 << 16) as (address, process):
+        page = Page(browser, address, scene.with_name("screen.png"))
+        page.until("window.lajolla.display.pictures.picture && document.querySelector('[data-path]')")
+        assert page.run("return document.querySelectorAll('[data-path]:not(:disabled)').length") == 0
+        assert not page.run("return document.getElementById('pause').offsetParent")
+        process.terminate()
+        page.until("document.getElementById('notice').textContent.startsWith('The render has ended; wrote')")
+        assert process.wait(timeout=20) == 143
+        page.until("window.lajolla.connection.socket.readyState === WebSocket.CLOSED")
+        assert page.run("return window.lajolla.display.pictures.picture.number") > 0
+        assert page.problems() == []
 
 
 def test_every_control_can_be_reached_with_the_keyboard(page: Page) -> None:

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import socket
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser_tools import chromium
-from viewer_tools import SCENE, Client
+from viewer_tools import SCENE, SIZE, Client, render
 from websockets.exceptions import ConnectionClosed
 
 import lajolla
 from lajolla.cli import main
-
-pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
-SIZE = ("--size", "192x128", "--seed", "3")
 
 
 @pytest.fixture
@@ -28,19 +20,6 @@ def scene(tmp_path: Path) -> Path:
     path = tmp_path / "scene.xml"
     path.write_text(SCENE)
     return path
-
-
-@contextmanager
-def render(scene: Path, spp: int, *options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """The address of the page of a render, and its process, which is ended afterwards."""
-    words = ["render", str(scene), "--spp", str(spp), "-o", str(scene.with_name("out.exr")), *SIZE]
-    command = [sys.executable, "-m", "lajolla", *words, "--view", "--no-browser", "--quiet", *options]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        try:
-            yield process.stderr.readline().strip().removeprefix("lajolla: the page is "), process
-        finally:
-            process.kill()
 
 
 def test_a_render_with_a_page_has_the_same_bits(scene: Path) -> None:
@@ -75,29 +54,6 @@ def test_pages_look_and_change_nothing(scene: Path) -> None:
         assert process.wait(timeout=20) == 143
     written = lajolla.Image.open(out).array
     np.testing.assert_array_equal(client.picture.pixels, written.astype(np.float16))
-
-
-def test_the_page_keeps_the_last_picture(scene: Path) -> None:
-    with chromium(1200, 800) as browser, render(scene, 1 << 16) as (address, process):
-        browser.get(address)
-
-        def until(condition: str) -> None:
-            from selenium.webdriver.support.ui import WebDriverWait
-
-            WebDriverWait(browser, 30).until(lambda b: b.execute_script(f"return Boolean({condition})"))
-
-        until("window.lajolla?.display.pictures.picture && document.querySelector('[data-path]')")
-        enabled = "return [...document.querySelectorAll('[data-path]')].filter((e) => !e.disabled).length"
-        assert browser.execute_script(enabled) == 0
-        assert not browser.execute_script("return document.getElementById('pause').offsetParent")
-        process.terminate()
-        until("document.getElementById('notice').textContent.startsWith('The render has ended; wrote')")
-        assert process.wait(timeout=20) == 143
-        until("window.lajolla.connection.socket.readyState === WebSocket.CLOSED")
-        number = "return window.lajolla.display.pictures.picture.number"
-        assert browser.execute_script(number) > 0
-        severe = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
-        assert severe == [], json.dumps(severe)
 
 
 def test_options_that_do_not_fit(scene: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -53,6 +53,22 @@ def viewer(scene: Path, *options: str) -> Iterator[str]:
     assert process.returncode == 128 + signal.SIGTERM
 
 
+SIZE = ("--size", "192x128", "--seed", "3")
+
+
+@contextmanager
+def render(scene: Path, spp: int, *options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """The address of the page of a render, and its process, which is ended afterwards."""
+    words = ["render", str(scene), "--spp", str(spp), "-o", str(scene.with_name("out.exr")), *SIZE]
+    command = [sys.executable, "-m", "lajolla", *words, "--view", "--no-browser", "--quiet", *options]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        try:
+            yield process.stderr.readline().strip().removeprefix("lajolla: the page is "), process
+        finally:
+            process.kill()
+
+
 def origin_of(address: str) -> str:
     return "{0.scheme}://{0.netloc}".format(urlsplit(address))
 
