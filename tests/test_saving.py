@@ -192,10 +192,20 @@ def test_another_sensor_becomes_the_first(path: Path) -> None:
 
 def test_options_and_parameters_of_load(path: Path) -> None:
     options: dict[str, Any] = {"spp": 3, "seed": 5, "integrator": "direct", "hide_emitters": True}
-    scene = lajolla.load(path, parameters={"size": 6}, **options)
+    path.write_text(
+        SCENE.replace('id="sky"/>', 'id="$name"/>').replace(
+            "<default", '<default name="name" value="sky"/><default'
+        )
+    )
+    scene = lajolla.load(path, parameters={"size": 6, "name": "a$b"}, **options)
     assert '<default name="size" value="6"/>' in saved_text(scene, path.with_name("other.xml"))
     again = lajolla.load(path.with_name("other.xml"))
-    assert again.width == 6 and again.core.seed == 5 and again.core.sample_count == 3
+    assert (
+        "a$b.radiance" in again.params
+        and again.width == 6
+        and again.core.seed == 5
+        and again.core.sample_count == 3
+    )
     sampled = lajolla.load(path, sampler="independent")
     with pytest.warns(lajolla.messages.LajollaWarning, match="sampler is no part of a scene file"):
         sampled.save(path.with_name("sampled.xml"))
@@ -234,6 +244,17 @@ DICT = {
     "sensor": {"type": "perspective"},
     "sky": {"type": "constant"},
 }
+
+
+def test_texts_of_any_encoding_and_layout(path: Path) -> None:
+    text = SCENE.replace('<?xml version="1.0"?>', '<?xml version="1.0" encoding="iso-8859-1"?>')
+    text = text.replace("of one ball", "d'une boule isolée").replace("\n", "\r\n")
+    path.write_bytes(text.replace('id="sky"/>', "id='sky' ><!-- > --></emitter>").encode("latin-1"))
+    scene = lajolla.load(path)
+    scene["sky.radiance"] = 0.5
+    scene["sensor.near_clip"] = 0.25
+    saved = saved_text(scene, path.with_name("other.xml"))
+    assert 'encoding="utf-8"' in saved and "isolée" in saved and "<!-- > -->" in saved
 
 
 def test_a_saved_scene_may_replace_its_file(path: Path) -> None:

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from lajolla.params import Params
-from lajolla.params.objects import KINDS as KINDS_OF
+from lajolla.params.objects import KINDS as LISTS
 from lajolla.params.objects import MATERIAL, SINGLE, Entry, Lists, SceneObject, names_by_entry, place_of
 from lajolla.params.values import WITH_OBJECTS
 from lajolla.saving.differences import whole_window
 from lajolla.saving.texts import ElementText, SourceText, Span
-from lajolla.saving.values import PLUGINS, NotWritten, Values, equal, is_plain, material_entry
+from lajolla.saving.values import PLUGINS, NotWritten, Values, equal, is_plain, material_entry, plain_text
 from lajolla.scene import Description, SceneError
 from lajolla.scene.schema import Field
 from lajolla.scene.syntax.errors import Location, Source
@@ -87,8 +87,8 @@ class SceneEdits:
                 self._text(included.place).element(included.place).attributes["filename"] = name
         main = self._text(self.read.places["scene"])
         parameters = self.read.options.get("parameters", {})
-        main.first += [ET.Element("default", name=name, value=value) for name, value in parameters.items()]
-        main.first += [ET.Element("path", value=folder) for folder in self._folders()]
+        main.first += [ET.Element("default", name=n, value=plain_text(v)) for n, v in parameters.items()]
+        main.first += [ET.Element("path", value=plain_text(folder)) for folder in self._folders()]
         return main.text()
 
     def _folders(self) -> Iterator[str]:
@@ -96,9 +96,9 @@ class SceneEdits:
         for folder in dict.fromkeys(source.directory.resolve() for source in self.texts):
             if folder != self.folder.resolve():
                 try:
-                    yield Path(os.path.relpath(folder, self.folder.resolve())).as_posix().replace("$", "\\$")
+                    yield Path(os.path.relpath(folder, self.folder.resolve())).as_posix()
                 except ValueError:  # another drive
-                    yield folder.as_posix().replace("$", "\\$")
+                    yield folder.as_posix()
 
     def _text(self, place: Location) -> SourceText:
         return self.texts.setdefault(place.source, SourceText(place.source))
@@ -109,7 +109,7 @@ class SceneEdits:
         """The objects of the file that differ."""
         yield from self._of_views()
         lists = Lists(self.read.core)
-        same = {where for where in KINDS_OF if self.read.core.get(where) is self.now.core.get(where)}
+        same = {where for where in LISTS if self.read.core.get(where) is self.now.core.get(where)}
         for name, found in self.before.objects.items():
             after = self.params.objects.get(name)
             if after is None or found.kind in SINGLE or place_of(found.entry)[0] in same:

@@ -78,7 +78,7 @@ class Values:
         identity = self.refer(kind, entry)
         if identity is None:
             raise NotWritten(f"the {kind} is not in the scene file")
-        return ET.Element("ref", {"id": _text(identity), **({"name": name} if name else {})})
+        return ET.Element("ref", {"id": plain_text(identity), **({"name": name} if name else {})})
 
     def _object(self, declared: Field, value: Any) -> ET.Element:  # noqa: ANN401
         """What a field refers to: an object of the file, or a texture that was added."""
@@ -93,7 +93,7 @@ class Values:
         textures = self.lists.core["textures"]
         entry_name = f"textures[{unclamped(textures, value)['texture']}]"
         if (identity := self.refer("texture", entry_name)) is not None:
-            return ET.Element("ref", {"name": declared.name, "id": _text(identity)})
+            return ET.Element("ref", {"name": declared.name, "id": plain_text(identity)})
         entry = self.lists.entry(entry_name)
         return self.whole(SceneObject("", "texture", entry["type"], entry_name), entry, declared.name)
 
@@ -147,7 +147,7 @@ def _constant(name: str, value: Any) -> ET.Element:  # noqa: ANN401
     elif isinstance(value, list):
         tag, text = "string", ", ".join(map(_number, value))
     else:
-        tag, text = "string", _text(str(value))
+        tag, text = "string", plain_text(str(value))
     return ET.Element(tag, name=name, value=text)
 
 
@@ -156,7 +156,7 @@ def _number(value: float) -> str:
     return repr(value).removesuffix(".0")
 
 
-def _text(value: str) -> str:
+def plain_text(value: str) -> str:
     """A text without parameters."""
     return value.replace("$", "\\$")
 
