@@ -73,6 +73,12 @@ def names(scene: Node) -> tuple[str, ...]:
     return tuple(camera.id or str(i) for i, camera in enumerate(scene.outermost("sensor")))
 
 
+def first_name(scene: Node) -> str:
+    """The name of the camera that is used unless another is asked for; "" if there is none."""
+    known = names(scene)
+    return known[-1 if scene.unsaid.last_sensor else 0] if known else ""
+
+
 def chosen(builder: Builder, scene: Node) -> Node | None:
     """The camera selected by number or id; by default the first, or the last for files before version 2.
 
