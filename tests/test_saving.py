@@ -228,7 +228,7 @@ def test_a_computed_sky_becomes_a_picture(path: Path) -> None:
 
 def test_what_cannot_be_written_is_named(path: Path, tmp_path: Path) -> None:
     scene = lajolla.load(path)
-    scene["floor.normals"] = scene["floor.normals"] * 0.5
+    scene["floor.normals"] = np.zeros_like(scene["floor.normals"])
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(lajolla.SceneError, match=r"ball.xml:4:5: error: floor\.normals cannot be saved: "):
         scene.save(tmp_path / "other.xml")
@@ -263,3 +263,31 @@ def test_a_saved_scene_may_replace_its_file(path: Path) -> None:
     saved_text(scene, path)
     scene["sky.radiance"] = (0.25, 0.5, 0.5)
     assert saved_text(scene, path).count("radiance") == 1
+
+
+def test_materials_of_shapes(path: Path) -> None:
+    """Equal bsdfs are written where each is, and new ones in the place of those before."""
+    ball = '<shape type="sphere" id="{}"><float name="radius" value="{}"/>{}</shape>\n'
+    thin = '<bsdf type="mask"><float name="opacity" value="0.5"/><bsdf type="diffuse"/></bsdf>'
+    sided = '<bsdf type="twosided"><bsdf type="diffuse"/></bsdf>'
+    bodies = ['<bsdf type="diffuse"/>'] * 3 + [thin, thin, sided, sided, ""]
+    shapes = "".join(ball.format(f"s{i}", 0.1 + 0.05 * i, body) for i, body in enumerate(bodies))
+    spare = '<bsdf type="plastic" id="spare"/>'
+    path.write_text(SCENE.replace("</scene>", f"{spare}{shapes}</scene>"))
+    scene = lajolla.load(path)
+    scene.update(
+        {
+            "s1.bsdf.reflectance": (0.1, 0.2, 0.3),
+            "s4.bsdf.child.reflectance": 0.25,
+            "s6.bsdf.reflectance": 0.75,
+            "s2.bsdf": {"type": "mask", "opacity": 0.25, "inside": {"type": "conductor", "material": "Au"}},
+            "s5.bsdf": {"type": "twosided", "front": {"type": "plastic"}},
+            "s7.bsdf": "spare",
+        }
+    )
+    text = saved_text(scene, path.with_name("other.xml"))
+    assert '<ref id="spare"' in text
+    again = lajolla.load(path.with_name("other.xml"))
+    assert again["s0.bsdf.reflectance"].tolist() == [0.5] * 3
+    for name in ("s1.bsdf.reflectance", "s4.bsdf.child.reflectance", "s2.bsdf.child.eta", "s5.bsdf.int_ior"):
+        assert np.allclose(again[name], scene[name]), name

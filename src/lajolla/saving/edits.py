@@ -64,8 +64,11 @@ class SceneEdits:
     def __post_init__(self) -> None:
         self.before = Params(self.read, self.read.places)
         self.names = names_by_entry(self.params.objects)
-        self.lists = Lists(self.now.core)
-        self.values = Values(self.lists, self._id_of, f"{self.stem}-files")
+        self.lists, self.old_lists = Lists(self.now.core), Lists(self.read.core)
+        own = self.read.objects
+        known = {*own.ids.values(), *own.spare}
+        ids = self.now.objects.ids
+        self.values = Values(self.lists, self._id_of, f"{self.stem}-files", ids, known)
         self.main = self.read.places["scene"].source
 
     def written(self) -> bytes:
@@ -108,11 +111,17 @@ class SceneEdits:
     def changes(self) -> Iterator[Changed]:
         """The objects of the file that differ."""
         yield from self._of_views()
-        lists = Lists(self.read.core)
+        lists = self.old_lists
         same = {where for where in LISTS if self.read.core.get(where) is self.now.core.get(where)}
+        replaced: list[str] = []  # materials that are written as a whole, with their parts
         for name, found in self.before.objects.items():
             after = self.params.objects.get(name)
             if after is None or found.kind in SINGLE or place_of(found.entry)[0] in same:
+                continue
+            if found.kind == "shape" and self._has_other_models(found):
+                replaced.append(f"{name}.bsdf")
+            is_part = any(f"{name}.".startswith((f"{path}.", f"{path}_back")) for path in replaced)
+            if is_part and found.kind in ("bsdf", "adapter") and found.entry not in self.read.objects.ids:
                 continue
             old, new = (
                 inside(all_.entry(one.entry), one) for all_, one in ((lists, found), (self.lists, after))
@@ -120,9 +129,51 @@ class SceneEdits:
             differing = [f.name for f in found.fields.values() if self._differs(f, old, new, name)]
             differing += self._of_shape(found, old, new)
             if differing:
-                place = self.read.places.find(found.entry)
-                others = self.read.places.others.get(found.entry, [])
-                yield Changed(after, new, [*([place] if place else []), *others], differing)
+                yield Changed(after, new, self._places(found), differing)
+
+    def _places(self, found: SceneObject) -> list[Location]:
+        """Where an object is in the files."""
+        if found.owner:  # its entry stands for other objects, too
+            return self._place_inside(found)
+        place = self.read.places.find(found.entry)
+        return [*([place] if place else []), *self.read.places.others.get(found.entry, [])]
+
+    def _place_inside(self, found: SceneObject) -> list[Location]:
+        """The place of a bsdf in the object around it, by its name: "ball.bsdf.child"."""
+        owner = next(name for name, o in self.before.objects.items() if o.entry == found.owner)
+        place = self.read.places.find(found.owner)
+        if place is None or place.key or not found.name.startswith(f"{owner}."):
+            return []
+        parts = found.name.removeprefix(f"{owner}.").split(".")
+        span = self._text(place).element(place).span
+        for part in parts[: len(parts) - len(found.inner)]:
+            bsdfs = [child for child in span.children if kind_of(child) == "bsdf"]
+            if PLACES.get(part, 0) >= len(bsdfs):
+                return []
+            span = bsdfs[PLACES.get(part, 0)]
+            while span.attributes.get("type") == "twosided":
+                sides = [child for child in span.children if kind_of(child) == "bsdf"]
+                if not sides:
+                    return []
+                span = sides[-1 if part == "bsdf_back" else 0]
+        return [Location(place.source, span.start)]
+
+    def _has_other_models(self, shape: SceneObject) -> bool:
+        """Whether a shape has a material of other models than in the file, which is not there as a whole."""
+        name, after = shape.name, self.params.objects[shape.name]
+        old, new = (
+            all_.entry(one.entry).get("material", -1)
+            for all_, one in ((self.old_lists, shape), (self.lists, after))
+        )
+        if old == new or new < 0 or self.params[f"{name}.bsdf"] != f"{name}.bsdf":
+            return False
+
+        def models(params: Params) -> list[tuple[str, str]]:
+            paths = (f"{name}.bsdf.", f"{name}.bsdf_back")
+            found = ((n, o.model) for n, o in params.objects.items() if f"{n}.".startswith(paths))
+            return sorted(found)
+
+        return self.before[f"{name}.bsdf"] != f"{name}.bsdf" or models(self.before) != models(self.params)
 
     def _of_views(self) -> Iterator[Changed]:
         """Those that belong to a sensor, and the integrator."""
@@ -179,6 +230,7 @@ class SceneEdits:
             name
             for name in names
             if self.before[f"{found.name}.{name}"] != self.params[f"{found.name}.{name}"]
+            or (name == "bsdf" and self._has_other_models(found))
         ]
 
     # --- texts --------------------------------------------------------------------------------------------
@@ -235,19 +287,22 @@ class SceneEdits:
             return
         if name == "bsdf":
             material = self.lists.entry(f"materials[{entry['material']}]")
-            self._put_bsdf(
-                element, name, self.values.reference("bsdf", material_entry(material["front"]), "")
-            )
+            is_new = self.params[f"{found.name}.bsdf"] not in self.before.objects
+            if is_new or self._has_other_models(found):
+                new = self.values.sides(material["front"], material["back"])
+            else:
+                new = self.values.reference("bsdf", material_entry(material["front"]), "")
+            self._put_bsdf(element, name, new)
             return
         declared = found.fields[name]
         value = entry.get(name, declared.default)
-        new = self.values.field(found, declared, value)
+        written = self.values.field(found, declared, value)
         if declared.type == MATERIAL:
-            self._put_bsdf(element, name, *new)
+            self._put_bsdf(element, name, *written)
         else:
             if declared.type in ("image", "grid"):
                 instead = FILES
-            element.put(new, lambda child: self._meaning(child, element, found) in instead)
+            element.put(written, lambda child: self._meaning(child, element, found) in instead)
 
     def _put_medium(self, element: ElementText, index: int, name: str) -> None:
         new = [self.values.reference("medium", f"media[{index}]", name)] if index >= 0 else []
@@ -315,7 +370,7 @@ class SceneEdits:
     def _id_of(self, kind: str, entry: str) -> str | None:
         """The id of an object of the file, which gets one if it has none."""
         found = self.before.objects.get(self.names.get(entry, ""))
-        place = None if found is None else self.read.places.find(found.entry)
+        place = None if found is None else next(iter(self._places(found)), None)
         if found is None or place is None or place.source.data[place.start : place.start + 1] != b"<":
             return None
         known = self.read.objects.ids.get(found.entry)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from lajolla import _core
-from lajolla.params.objects import MATERIAL, Entry, Lists, SceneObject
+from lajolla.params.objects import KINDS, MATERIAL, Entry, Lists, SceneObject, place_of
 from lajolla.params.textures import is_texture, unclamped
 from lajolla.params.values import mesh_array, mesh_names
 from lajolla.scene.formats.ply import ply_bytes
@@ -36,12 +36,16 @@ class Values:
     Attributes:
         refer: how objects of the file are referred to.
         folder: of the files beside the scene, relative to it.
+        ids: of the objects by their entries.
+        known_ids: those that the file has.
         files: contents of these files by their names.
     """
 
     lists: Lists
     refer: Refer
     folder: str
+    ids: Mapping[str, str] = field(default_factory=dict)
+    known_ids: Collection[str] = ()
     files: dict[str, bytes | np.ndarray[Any, Any]] = field(default_factory=dict)
 
     def whole(self, found: SceneObject, entry: Entry, name: str = "") -> ET.Element:
@@ -79,6 +83,34 @@ class Values:
         if identity is None:
             raise NotWritten(f"the {kind} is not in the scene file")
         return ET.Element("ref", {"id": plain_text(identity), **({"name": name} if name else {})})
+
+    def material(self, entry_name: str) -> ET.Element:
+        """A bsdf or an adapter: a reference if it has an id of the file, else all that is inside."""
+        identity = self.ids.get(entry_name, "")
+        if identity in self.known_ids:
+            return ET.Element("ref", id=plain_text(identity))
+        entry = self.lists.entry(entry_name)
+        kind = KINDS[place_of(entry_name)[0]]
+        found = SceneObject("", kind, entry["type"], entry_name)
+        element = ET.Element("bsdf", type=PLUGINS.get((kind, found.model), found.model))
+        if identity:
+            element.set("id", plain_text(identity))
+        for declared in found.fields.values():
+            value = entry.get(declared.name, declared.default)
+            if declared.type == MATERIAL:
+                element.append(self.material(material_entry(value)))
+            elif declared.type == "bsdf" or not is_plain(declared, value):
+                element.extend(self.field(found, declared, value))
+        return element
+
+    def sides(self, front: Any, back: Any) -> ET.Element:  # noqa: ANN401
+        """The material of a shape."""
+        one = self.material(material_entry(front))
+        if back == -1:
+            return one
+        both = ET.Element("bsdf", type="twosided")
+        both.extend([one] if back == front else [one, self.material(material_entry(back))])
+        return both
 
     def _object(self, declared: Field, value: Any) -> ET.Element:  # noqa: ANN401
         """What a field refers to: an object of the file, or a texture that was added."""
