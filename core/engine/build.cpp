@@ -57,11 +57,13 @@ void read_lights(const Dict &description, SceneParts &parts) {
 
 void read_shapes(const Dict &description, SceneParts &parts) {
     std::vector<ShapeSlot> slots;
+    std::vector<Compositing> compositing;
     parts.shapes = read_list(description, "shapes", [&](const Dict &entry, const std::string &where) {
         slots.push_back(read_slot(entry, parts, where));
+        compositing.push_back(read_compositing(entry, where));
         return read_shape(entry, where);
     });
-    parts.slots = std::move(slots);
+    parts.slots = std::move(slots), parts.compositing = std::move(compositing);
     parts.groups = read_list(description, "groups", [&](const Dict &entry, const std::string &where) {
         return read_group(entry, parts.shapes.size(), where);
     });
@@ -155,7 +157,8 @@ Dict schema() {
             {"medium", schema_of_list<Medium>()},
             {"phase", schema_of_list<Phase>()},
             {"volume", schema_of_list<VolumeModel>()},
-            {"shape", schema_of_list<Shape>()},
+            {"shape", schema_of_list<Shape, Compositing>()},
+            {"instance", schema_of_list<std::variant<Instance>>()},
             {"sensor", schema_of_list<Camera>()},
             {"film", schema_of_list<std::variant<Film>>()},
             {"rfilter", schema_of_list<PixelFilter>()},

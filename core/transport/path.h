@@ -52,6 +52,8 @@ struct PathState {
     IntOf<Float> depth = 1;              // segments so far
     IntOf<Float> block = 1;              // of the sampler's numbers
     IntOf<Float> null_transmissions = 0; // number of surfaces that the path passed straight through
+
+    BoolOf<Float> is_camera_ray() const { return depth == 1; }
 };
 
 struct Path {
@@ -96,11 +98,16 @@ struct Path {
     }
     // The same for environment light, for a ray without a hit.
     template <class Float>
-    Rgb<Float> environment(const Scene &scene, const PathState<Float> &path) const {
-        const Rgb<Float> radiance = scene.lights().environment(path.ray.direction);
+    Rgb<Float> environment(const Scene &scene, const PathState<Float> &path, bool from_camera = false) const {
+        const Rgb<Float> radiance = scene.lights().environment(path.ray.direction, from_camera);
         Float light_pdf = 0;
         if (!all(path.delta)) light_pdf = scene.lights().pdf_environment(path.ray.direction);
         return radiance * weight_of_hit(path, light_pdf);
+    }
+
+    // Whether a hit shows the light of an emitter: the camera sees none in holes.
+    static bool shines(const Hit<float> &hit, CameraRole seen) {
+        return hit.emitter >= 0 && seen == CameraRole::object;
     }
 
     // Whether light samples can contribute to a path.
@@ -185,7 +192,7 @@ struct Path {
         // Adds light that is emitted by a light, or by a medium (-1), towards the path.
         void add(std::int32_t light, const Spectrum &value) {
             radiance += value;
-            groups.add(light, path.ray.direction, value);
+            groups.add(light, path.ray.direction, value, path.is_camera_ray());
         }
     };
     // Follows a path along its ray to its hit, and continues it; returns false if it ends.
@@ -197,7 +204,7 @@ struct Path {
     static Flight cross_medium(const Scene &scene, const std::optional<RayHit> &found, Walk<InMedia> &walk);
 
     // Processes the surface that a path hit, and adds its emission.
-    enum class Outcome { passed, stopped, ended };
+    enum class Outcome { passed, stopped, ended, hole };
     template <class Medium>
     Outcome meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const;
     // Adds environment light for a ray without a hit.
@@ -342,16 +349,20 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
 template <class Medium>
 Path::Outcome Path::meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const {
     PathState<float> &path = walk.path;
-    const bool hidden = hide_emitters && path.depth == 1 && hit.emitter >= 0;
-    if (hit.emitter >= 0 && !hidden) walk.add(hit.emitter, path.throughput * emitted(scene, path, hit));
-    if (!passes_through(scene, hit, hidden, path, walk.medium)) return Outcome::stopped;
+    const CameraRole seen =
+        path.is_camera_ray() ? scene.camera_role(hit.shape, hit.instance, hide_emitters) : CameraRole::object;
+    if (shines(hit, seen)) walk.add(hit.emitter, path.throughput * emitted(scene, path, hit));
+    if (!passes_through(scene, hit, seen == CameraRole::nothing, path, walk.medium))
+        return seen == CameraRole::hole ? Outcome::hole : Outcome::stopped;
     return path.null_transmissions > max_null_transmissions ? Outcome::ended : Outcome::passed;
 }
 
 template <class Medium>
 void Path::leave_scene(const Scene &scene, Walk<Medium> &walk) const {
-    if (scene.lights().has_environment() && (walk.path.depth > 1 || !hide_emitters))
-        walk.add(scene.lights().environment_light(), walk.path.throughput * environment(scene, walk.path));
+    const bool from_camera = walk.path.is_camera_ray();
+    if (scene.lights().has_environment() && !(from_camera && hide_emitters))
+        walk.add(scene.lights().environment_light(),
+                 walk.path.throughput * environment(scene, walk.path, from_camera));
 }
 
 template <class Medium>
