@@ -12,9 +12,12 @@ import pytest
 from scene_tools import look_at, rotation, scaling, translation
 
 import lajolla
-from lajolla import _core
+from lajolla import _core, checkpoint
+from lajolla.colour import luminance
+from lajolla.render import StopRules
 from lajolla.scene import convert
 from lajolla.scene.schema import COMPOSITING, core_schema
+from lajolla.viewer.view import View
 
 Scene = dict[str, Any]
 
@@ -272,3 +275,162 @@ def test_names_are_those_of_the_core() -> None:
     assert {name: fields[name] for name in fields if name not in ("group", "to_world")} == COMPOSITING
     for shape in core_schema()["shape"].values():
         assert COMPOSITING.items() <= {f["name"]: f["default"] for f in shape["fields"]}.items()
+
+
+# --- shadow catchers
+
+
+CATCHER = {"shadow_catcher": True}
+UNSEEN = {"lamp": {**LAMP, **HIDDEN}, "sky": {**SKY, **HIDDEN}}
+SHADED: dict[str, Scene] = {  # by light samples alone, which are those of the catcher
+    "path": {"type": "path", "max_depth": 2, "strategy": "light"},
+    "volpath": {"type": "volpath", "max_depth": 2, "strategy": "light"},
+    "direct": {"type": "direct", "bsdf_samples": 0},
+    "ao": {"type": "ao", "ray_length": 3.0},
+}
+SMOKE = {
+    **BALL,
+    "bsdf": {"type": "null"},
+    "interior": {"type": "homogeneous", "albedo": 0.0, "sigma_t": 2.0},
+}
+
+
+def floor_of(kind: str, flags: Scene) -> Scene:
+    """A floor of a kind, which the camera sees as the flags say."""
+    if kind == "mesh":
+        return {
+            "floor": {"type": "cube", "to_world": translation(0, 0, -2) @ scaling(2), "bsdf": GREY, **flags}
+        }
+    if kind == "sphere":
+        return {"floor": {"type": "sphere", "center": [0, 0, -9], "radius": 9.0, "bsdf": GREY, **flags}}
+    floor = {"type": "rectangle", "to_world": scaling(2), "bsdf": LEAF if kind == "mask" else GREY}
+    if kind in ("rectangle", "mask"):
+        return {"floor": {**floor, **flags}}
+    group = {"type": "shapegroup", "inner": {**floor, **(flags if kind == "member" else {})}}
+    shown = {"type": "ref", "id": "group"}
+    own = flags if kind == "instance" else {}
+    return {"group": group, "floor": {"type": "instance", "group": shown, **own}}
+
+
+def check_shadows(name: str, kind: str, **objects: Scene) -> None:
+    """Alpha is 1 - (light with objects) / (light without), where the camera sees none of the objects."""
+
+    def view(flags: Scene, **seen: Scene) -> lajolla.Image:
+        return rendered(stage(SHADED[name], **UNSEEN, **floor_of(kind, flags), **seen), aovs=["alpha"])
+
+    caught = view(CATCHER, **{name: {**each, **HIDDEN} for name, each in objects.items()})
+    plate = view({})
+    full = view({}, **{name: {**each, **HIDDEN} for name, each in objects.items()})
+    with_objects, without = (luminance(image.array) for image in (full, plate))
+    expected = plate.channels["A"] * (1 - np.squeeze(with_objects / without))
+    assert np.ptp(expected) > 0.1
+    np.testing.assert_allclose(caught.channels["A"], expected, atol=1e-5)
+    assert list(caught.channels) == ["A"] and np.all(caught.array == 0)
+    empty = view(CATCHER)
+    assert np.all(empty.channels["A"] == 0) and np.all(empty.array == 0)
+
+
+@pytest.mark.parametrize("name", SHADED)
+def test_shadows_are_the_light_that_objects_take(name: str) -> None:
+    check_shadows(name, "rectangle", ball={**BALL, "bsdf": GREY})
+
+
+@pytest.mark.parametrize("kind", ["mesh", "sphere", "mask", "member", "instance"])
+def test_anything_catches_shadows(kind: str) -> None:
+    check_shadows("path", kind, leaf={**BALL, "bsdf": LEAF})
+
+
+def test_smoke_casts_shadows() -> None:
+    check_shadows("volpath", "rectangle", smoke={**SMOKE, "center": [-1.6, 0, 0.8]})
+
+
+def test_light_that_objects_reflect_is_added() -> None:
+    """Of all light on the floor, that which a ball has scattered; a second catcher scatters none."""
+    red = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.8, 0.1, 0.1]}}
+    ball = {**BALL, "bsdf": red, **HIDDEN}
+    dark = {"lamp": {**UNSEEN["lamp"], "bsdf": {"type": "diffuse", "reflectance": 0.0}}, "sky": UNSEEN["sky"]}
+
+    def view(max_depth: int, flags: Scene, **objects: Scene) -> lajolla.Image:
+        integrator = {"type": "path", "max_depth": max_depth, "strategy": "light"}
+        return rendered(stage(integrator, **dark, **floor_of("rectangle", flags), **objects))
+
+    caught = view(5, CATCHER, ball=ball)
+    np.testing.assert_allclose(
+        caught.array, view(5, {}, ball=ball).array - view(2, {}, ball=ball).array, atol=1e-5
+    )
+    assert caught.array[..., 0].max() > 2 * caught.array[..., 1].max() > 0
+    wall = {
+        "type": "rectangle",
+        "to_world": translation(-1.2, 0, 0.5) @ rotation((0, 1, 0), 90),
+        "bsdf": GREY,
+    }
+    corner = view(5, CATCHER, wall={**wall, **CATCHER})
+    assert np.all(corner.array == 0) and np.all(corner.channels["A"] == 0)  # nor a shadow
+    assert view(5, CATCHER, wall=wall).array.max() > 0.05
+
+
+def test_what_is_behind_a_catcher_is_not_in_the_picture() -> None:
+    """And layers have neither; a pixel that an object covers in part has alpha of both."""
+    below = {"below": {**BALL, "center": [0, 0, -1], "bsdf": GREY}}
+    caught = rendered(
+        stage(INTEGRATORS["path"], **UNSEEN, **floor_of("rectangle", CATCHER), **below), aovs=AOVS
+    )
+    for layer, values in caught.arrays().items():
+        assert layer == "crypto_shape_names" or layer == "shape_names" or np.all(values == 0), layer
+    ball = {"ball": {**BALL, "bsdf": {"type": "diffuse", "reflectance": 0.0}}}
+    both = rendered(stage(SHADED["path"], **UNSEEN, **floor_of("rectangle", CATCHER), **ball), aovs=AOVS)
+    layers, full = both.arrays(), rendered(stage(SHADED["path"], **UNSEEN, **ball)).array
+    coverage = layers["crypto_shape_coverage"].sum(axis=2)
+    edge = (coverage > 0) & (coverage < 1)
+    assert edge.any() and np.all(layers["alpha"] >= coverage - 1e-6)
+    plate = rendered(stage(SHADED["path"], **UNSEEN)).array
+    composed = both.array + (1 - layers["alpha"][..., None]) * plate
+    np.testing.assert_allclose(composed[edge], full[edge], rtol=0.15)  # the plate differs within a pixel
+    assert np.all(layers["alpha"][coverage == 1] == 1)
+
+
+def test_renders_of_catchers_in_parts(tmp_path: Path) -> None:
+    """In lanes or one by one, from parts, from a file, in a viewer, and by parameters: the same alpha."""
+    objects = {**UNSEEN, "ball": {**BALL, "bsdf": GREY}}
+    scene = lajolla.load_dict(stage(INTEGRATORS["path"], **objects, **floor_of("rectangle", {})), spp=SAMPLES)
+    before = scene.render()
+    assert np.all(before.channels["A"] == 1)
+    scene["floor.shadow_catcher"] = True
+    rendering = scene.rendering(seed=3)
+    rendering.run()
+    expected = rendering.image().channels["A"]
+    assert 0.05 < expected.mean() < 0.95
+    loaded = lajolla.load_dict(stage(INTEGRATORS["path"], **objects, **floor_of("rectangle", CATCHER)))
+    np.testing.assert_array_equal(loaded.render(spp=SAMPLES, seed=3).channels["A"], expected)
+    one_lane = _core.Render(scene.core, 3)
+    assert one_lane.advance(SAMPLES, 2, one_lane=True)
+    np.testing.assert_array_equal(one_lane.image(), rendering.accumulator.image())
+    halves = [tmp_path / "1.ckpt", tmp_path / "0.ckpt"]
+    for path, first in zip(halves, (SAMPLES // 2, 0), strict=True):
+        half = scene.rendering(seed=3, spp=SAMPLES // 2, first_sample=first)
+        half.run()
+        checkpoint.of_rendering(half).write(path)
+    merged = checkpoint.merged({path: checkpoint.read(path) for path in halves})
+    np.testing.assert_array_equal(merged.image().channels["A"], expected)
+    view = View(scene, 0, StopRules(spp=SAMPLES), threads=2)
+    view.rendering("").run()
+    assert "A" in view.layers and not any(name.startswith("A.") for name in view.layers)
+    assert np.ptp(view.picture("A")) > 0.05
+    rendering.image().save(tmp_path / "ball.png")
+    rendering.image().save(tmp_path / "ball.exr")
+    saved = lajolla.Image.open(tmp_path / "ball.exr")
+    np.testing.assert_array_equal(saved.channels["A"], expected)
+    png = lajolla.Image.open(tmp_path / "ball.png").channels["A"]
+    np.testing.assert_allclose(png, expected, atol=0.5 / 255 + 1e-6)
+    scene["floor.shadow_catcher"] = False
+    np.testing.assert_array_equal(scene.render().array, before.array)
+    assert scene.core.channels == ["A"]
+
+
+def test_adaptive_renders_see_shadows() -> None:
+    """They count as noise, although the picture is black."""
+    ball = {"ball": {**BALL, "bsdf": {"type": "diffuse", "reflectance": 0.0}, **HIDDEN}}
+    scene = lajolla.load_dict(stage(SHADED["path"], **UNSEEN, **floor_of("rectangle", CATCHER), **ball))
+    rendering = scene.rendering(spp=64, noise=0.001)
+    rendering.run()
+    assert 0 < rendering.noise < 1 and np.all(rendering.image().array == 0)

@@ -1,5 +1,8 @@
 #include "engine/build.h"
 
+#include <algorithm>
+#include <array>
+
 #include "engine/described.h"
 #include "engine/entries.h"
 #include "engine/media.h"
@@ -127,6 +130,21 @@ void check_light_groups(const Output &output, const SceneParts &parts) {
 
 } // namespace
 
+void match_channels(RenderableScene &scene) {
+    constexpr std::array shadows{Recorded::catcher, Recorded::shadowed, Recorded::unshadowed};
+    std::vector<Channel> &channels = scene.output.channels;
+    std::erase_if(channels, [&](const Channel &channel) {
+        return std::ranges::find(shadows, channel.recorded) != shadows.end();
+    });
+    if (!scene.scene->has_catchers()) return;
+    for (std::size_t i = 0, count = channels.size(); i < count; ++i)
+        for (const Recorded recorded : shadows) {
+            if (channels[i].recorded != Recorded::alpha || channels[i].squared) continue;
+            const std::string name = choices(recorded)[static_cast<std::size_t>(recorded)];
+            channels.push_back({channels[i].label + "." + name, channels[i].source, recorded});
+        }
+}
+
 std::shared_ptr<RenderableScene> build_scene(const Dict &description) {
     auto result = std::make_shared<RenderableScene>();
     result->set_sampler(read_variant<SamplerModel>(description, "sampler"));
@@ -140,12 +158,14 @@ std::shared_ptr<RenderableScene> build_scene(const Dict &description) {
     } catch (const std::invalid_argument &error) {
         throw DescriptionError(error.what());
     }
+    match_channels(*result);
     return result;
 }
 
 std::shared_ptr<RenderableScene> with_output(const RenderableScene &scene, const Dict &description) {
     auto result = std::make_shared<RenderableScene>(scene);
     result->output = read_output(description);
+    match_channels(*result);
     return result;
 }
 

@@ -149,6 +149,7 @@ std::shared_ptr<RenderableScene> Changes::result() && {
     } catch (const std::invalid_argument &error) {
         throw DescriptionError(error.what());
     }
+    match_channels(*result_);
     return result_;
 }
 

@@ -132,7 +132,8 @@ Compositing read_compositing(const Dict &entry, const std::string &where) {
 
 Shape read_shape(const Dict &entry, const std::string &where) {
     return variant_from<Shape>(
-        entry, where, {"material", "emitter", "interior", "exterior", "visible_to_camera", "holdout"});
+        entry, where,
+        {"material", "emitter", "interior", "exterior", "visible_to_camera", "holdout", "shadow_catcher"});
 }
 
 void check_size(const Shape &shape, const std::string &where) {

@@ -27,4 +27,9 @@ struct RenderableScene {
     }
 };
 
+// Adds to each alpha channel those from which its shadows follow, if the scene has shadow catchers: its label
+// with
+// ".catcher", ".shadowed" and ".unshadowed". Removes them if it has none.
+void match_channels(RenderableScene &scene);
+
 } // namespace lajolla

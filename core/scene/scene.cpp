@@ -117,9 +117,12 @@ Scene::Scene(SceneParts parts, const Scene *before) : parts_(std::move(parts)), 
                                                before ? before->accel_.get() : nullptr);
         bounding_sphere_ = sphere_around(parts_);
     }
-    const auto has_role = [](const Compositing &each) { return each.role() != CameraRole::object; };
-    has_camera_roles_ =
-        std::ranges::any_of(parts_.compositing, has_role) || std::ranges::any_of(parts_.instances, has_role);
+    const auto note_role = [&](const Compositing &each) {
+        has_camera_roles_ |= each.role() != CameraRole::object;
+        has_catchers_ |= each.role() == CameraRole::catcher;
+    };
+    std::ranges::for_each(parts_.compositing, note_role);
+    std::ranges::for_each(parts_.instances, note_role);
     const CameraFit fit{parts_.film.aspect(), static_cast<float>(parts_.film.width), bounding_sphere_};
     match(parts_.camera, [&](auto &camera) {
         camera.build(fit);

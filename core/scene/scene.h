@@ -102,6 +102,12 @@ public:
                             : std::max(own, parts_.instances[static_cast<std::size_t>(instance)].role());
     }
 
+    bool has_catchers() const { return has_catchers_; }
+    // Whether a surface belongs to the place of the photograph that catchers stand for: catchers and lights.
+    bool is_in_photograph(const Hit<float> &hit) const {
+        return hit.emitter >= 0 || camera_role(hit.shape, hit.instance, false) == CameraRole::catcher;
+    }
+
     // Everything about a hit that the ray tracer found.
     Hit<float> hit(const Ray<float> &ray, const RayHit &found, const RayCone<float> &cone,
                    const HitNeeds &needs = {}) const;
@@ -219,7 +225,7 @@ private:
     std::shared_ptr<const Accel> accel_;
     std::shared_ptr<const LightPicker> picker_;
     FilterSampler filter_;
-    bool reads_footprints_ = false, has_blends_ = false, has_camera_roles_ = false;
+    bool reads_footprints_ = false, has_blends_ = false, has_camera_roles_ = false, has_catchers_ = false;
     Transform to_camera_;
     BoundingSphere bounding_sphere_;
 };

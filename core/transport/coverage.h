@@ -18,10 +18,10 @@ struct Seen {
 
 // Follows a camera ray, which `found` its first hit, to where it scatters or hits a light that is not hidden.
 // Surfaces that it passes straight through do not count. Random numbers and `medium`, in its initial state,
-// are those of the path.
+// are those of the path; in the end, `medium` is where the ray ends.
 template <class Medium>
 Seen look(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera, std::optional<RayHit> found,
-          const Sight &sight, Medium medium, const HitNeeds &needs) {
+          const Sight &sight, Medium &&medium, const HitNeeds &needs) {
     PathState<float> path = Path::start(camera);
     while (path.null_transmissions <= max_null_transmissions) {
         if (medium.fly(scene, path.ray, found, path.u_event).collision) return {{}, {}, true};

@@ -104,7 +104,7 @@ Spectrum Features::trace(const Scene &scene, Tracer &tracer, const Sampler &samp
             flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.cone, scene.needs());
         const Path::Outcome outcome = path_.meet(scene, hit, walk);
         if (outcome == Path::Outcome::passed) continue;
-        if (outcome == Path::Outcome::hole) {
+        if (outcome == Path::Outcome::hole || outcome == Path::Outcome::catcher) {
             path.throughput = Spectrum(0);
             return value(walk, Vec3f(0));
         }

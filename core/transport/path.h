@@ -188,6 +188,15 @@ struct Path {
         Medium medium;
         Spectrum radiance{0};
         LightGroups groups{};
+        // Whether its last vertex is on a shadow catcher that the camera sees. Of the light there, that which
+        // objects have scattered counts: the rest is in the photograph, or in alpha (shadow_catcher.h).
+        bool from_catcher = false;
+
+        // What it sees in a hit.
+        CameraRole role(const Scene &scene, const Hit<float> &hit, bool hide_emitters) const {
+            if (path.is_camera_ray()) return scene.camera_role(hit.shape, hit.instance, hide_emitters);
+            return from_catcher && scene.is_in_photograph(hit) ? CameraRole::hole : CameraRole::object;
+        }
 
         // Adds light that is emitted by a light, or by a medium (-1), towards the path.
         void add(std::int32_t light, const Spectrum &value) {
@@ -204,7 +213,7 @@ struct Path {
     static Flight cross_medium(const Scene &scene, const std::optional<RayHit> &found, Walk<InMedia> &walk);
 
     // Processes the surface that a path hit, and adds its emission.
-    enum class Outcome { passed, stopped, ended, hole };
+    enum class Outcome { passed, stopped, ended, hole, catcher };
     template <class Medium>
     Outcome meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const;
     // Adds environment light for a ray without a hit.
@@ -320,6 +329,7 @@ inline void Path::scatter_in_medium(const Scene &scene, Tracer &tracer, const Sa
     path.delta = false;
     path.ray = {vertex.point, scattered.wi};
     ++path.depth;
+    walk.from_catcher = false;
     path.null_transmissions = 0;
 }
 
@@ -330,7 +340,7 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
     const Vec3f wo = -path.ray.direction;
     const AnySurface surface = scene.surface(hit, wo, path.u_event);
     scene.for_each_surface(hit, wo, surface, [&](const AnySurface &each, float share) {
-        if (!each.black && !each.delta)
+        if (!each.black && !each.delta && !walk.from_catcher)
             walk.radiance +=
                 path.throughput * share *
                 direct_light(scene, tracer, SurfaceVertex{hit, each}, u,
@@ -349,18 +359,19 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
 template <class Medium>
 Path::Outcome Path::meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const {
     PathState<float> &path = walk.path;
-    const CameraRole seen =
-        path.is_camera_ray() ? scene.camera_role(hit.shape, hit.instance, hide_emitters) : CameraRole::object;
+    const CameraRole seen = walk.role(scene, hit, hide_emitters);
     if (shines(hit, seen)) walk.add(hit.emitter, path.throughput * emitted(scene, path, hit));
     if (!passes_through(scene, hit, seen == CameraRole::nothing, path, walk.medium))
-        return seen == CameraRole::hole ? Outcome::hole : Outcome::stopped;
+        return seen == CameraRole::hole      ? Outcome::hole
+               : seen == CameraRole::catcher ? Outcome::catcher
+                                             : Outcome::stopped;
     return path.null_transmissions > max_null_transmissions ? Outcome::ended : Outcome::passed;
 }
 
 template <class Medium>
 void Path::leave_scene(const Scene &scene, Walk<Medium> &walk) const {
     const bool from_camera = walk.path.is_camera_ray();
-    if (scene.lights().has_environment() && !(from_camera && hide_emitters))
+    if (scene.lights().has_environment() && !(from_camera && hide_emitters) && !walk.from_catcher)
         walk.add(scene.lights().environment_light(),
                  walk.path.throughput * environment(scene, walk.path, from_camera));
 }
@@ -387,7 +398,8 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
     const Hit<float> hit =
         flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.cone, scene.needs());
     const Outcome outcome = meet(scene, hit, walk);
-    if (outcome != Outcome::stopped) return outcome == Outcome::passed;
+    walk.from_catcher = outcome == Outcome::catcher || (walk.from_catcher && outcome == Outcome::passed);
+    if (outcome != Outcome::stopped && outcome != Outcome::catcher) return outcome == Outcome::passed;
     if (path.depth == max_depth || !surfaces_scatter) return false;
     if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return false;
     if (!is_finite(path.throughput)) [[unlikely]] {

@@ -345,7 +345,9 @@ void Wavefront::follow_one_by_one(std::span<const std::int32_t> paths, Tracer &t
                      static_cast<std::uint32_t>(shapes_[i]),
                      static_cast<std::uint32_t>(hits_[i].primitive),
                      static_cast<std::uint32_t>(instances_[i])};
-        const bool goes_on = integrator_.step(scene_, tracer, sampler, found, walk);
+        bool goes_on = integrator_.step(scene_, tracer, sampler, found, walk);
+        while (goes_on && walk.from_catcher)
+            goes_on = integrator_.step(scene_, tracer, sampler, tracer.closest(walk.path.ray), walk);
         radiance_[sample] = walk.radiance;
         if (goes_on) next_[next_count_++] = stored(walk.path, static_cast<std::int32_t>(sample));
     }

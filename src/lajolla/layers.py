@@ -128,6 +128,37 @@ def _rotated(bits: int, by: int) -> int:
     return (bits << by | bits >> (32 - by)) & 0xFFFFFFFF
 
 
+# What the core renders beside alpha in scenes with shadow catchers: how much of a pixel they cover, and the
+# light on them with all objects and without.
+SHADOWS = (".catcher", ".shadowed", ".unshadowed")
+
+
+def shown(labels: Sequence[str]) -> list[str]:
+    """The labels of channels that pictures have."""
+    return [label for label in labels if not label.endswith(SHADOWS)]
+
+
+def with_shadows(values: FloatImage, labels: Sequence[str]) -> tuple[FloatImage, list[str]]:
+    """The means of a render with the shadows on catchers in alpha, and the labels of its channels.
+
+    Alpha is 1 - (light with all objects) / (light without them), times how much of the pixel catchers cover.
+
+    Args:
+        values: (height, width, 3 + number of labels).
+        labels: of the channels behind the first three; those of `SHADOWS` come last.
+    """
+    kept = shown(labels)
+    if len(kept) == len(labels):
+        return values, kept
+    result = values[..., : 3 + len(kept)].copy()
+    for index, label in enumerate(kept):
+        if label + SHADOWS[0] in labels:
+            covered, lit, unlit = (values[..., 3 + labels.index(label + name)] for name in SHADOWS)
+            left = np.divide(lit, unlit, out=np.ones_like(lit), where=unlit > 0)
+            result[..., 3 + index] += covered * (1 - np.clip(left, 0, 1))
+    return result, kept
+
+
 def named_channels(
     values: FloatImage, labels: Sequence[str], counts: NDArray[np.uint32]
 ) -> dict[str, FloatImage]:
@@ -138,6 +169,7 @@ def named_channels(
         labels: of the channels behind the first three.
         counts: numbers of samples, (height, width).
     """
+    values, labels = with_shadows(values, labels)
     channels = {label: values[..., 3 + index] for index, label in enumerate(labels)}
     for index, letter in enumerate("RGB"):
         label = f"{VARIANCE}.{letter}"

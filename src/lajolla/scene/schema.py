@@ -24,7 +24,7 @@ CHILDREN = {
 INNER_KINDS = ("adapter", "instance")
 
 # Properties of all shapes and instances: how the camera sees them. The values are the defaults.
-COMPOSITING = {"visible_to_camera": True, "holdout": False}
+COMPOSITING = {"visible_to_camera": True, "holdout": False, "shadow_catcher": False}
 
 TEXTURED = ("texture_float", "texture_spectrum")  # types of fields that take textures
 
