@@ -41,12 +41,14 @@ struct AmbientOcclusion {
         if (seen.role != CameraRole::catcher) return {};
         const auto occluded = [&](const Ray<float> &ray) { return tracer.occluded(ray); };
         const auto by_photograph = [&](Ray<float> ray) {
-            for (auto found = tracer.closest(ray); found; found = tracer.closest(ray)) {
+            for (int passed = 0; passed <= max_null_transmissions; ++passed) {
+                const auto found = tracer.closest(ray);
+                if (!found) return false;
                 const Hit<float> hit = scene.hit(ray, *found, {});
                 if (scene.is_in_photograph(hit)) return true;
                 ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
             }
-            return false;
+            return true;
         };
         return {true, visibility(scene, sampler, seen.surface->hit, occluded),
                 visibility(scene, sampler, seen.surface->hit, by_photograph)};
