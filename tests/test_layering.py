@@ -73,8 +73,8 @@ MAY_IMPORT = {
 }
 # The viewer stands beside the command line, above the rest of the package.
 VIEWER = {
-    *("_core", "aovs", "arguments", "colour", "image", "interrupts", "limits", "loaded_scene", "messages"),
-    *("params", "render", "scene", "scene/schema"),
+    *("_core", "aovs", "arguments", "colour", "image", "interrupts", "layers", "limits", "loaded_scene"),
+    *("messages", "params", "render", "scene", "scene/schema"),
 }
 PACKAGE = CORE.parent / "src" / "lajolla"
 MODULES = {
