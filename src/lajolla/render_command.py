@@ -8,6 +8,7 @@ import math
 import shlex
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -76,7 +77,8 @@ def command_render(arguments: argparse.Namespace) -> int:
         return _render_each_sensor(arguments)
     if arguments.skip_existing and all(path.exists() for path in arguments.outputs):
         if not arguments.quiet:
-            say(f"{', '.join(map(str, arguments.outputs))} exists, and is not rendered again")
+            there = ", ".join(map(str, arguments.outputs))
+            say(f"not rendered again: {there}")
         return 0
     if arguments.pixel is None:
         lajolla.outputs.check(arguments)
@@ -241,7 +243,10 @@ def _render_each_sensor(arguments: argparse.Namespace) -> int:
 def _render_each_frame(arguments: argparse.Namespace) -> int:
     """Renders all frames until an interrupt, or an error without --keep-going."""
     scene_file(arguments)  # standard input can be read only once
-    return _render_each(lajolla.series.for_each_frame(arguments), keep_going=arguments.keep_going)
+    renders = lajolla.series.for_each_frame(arguments)
+    if len(renders) > 1 and all(one.arguments.parameters == arguments.parameters for one in renders):
+        say("warning: all frames are equal, because no -D has a {frame} or a range FROM..TO")
+    return _render_each(renders, keep_going=arguments.keep_going)
 
 
 def command_batch(arguments: argparse.Namespace) -> int:
@@ -252,16 +257,18 @@ def command_batch(arguments: argparse.Namespace) -> int:
         *([f"--threads={arguments.threads}"] if arguments.threads else []),
     ]
     renders = []
-    for number, words in enumerate(lajolla.series.jobs_of(arguments.jobs), 1):
+    for name, words in lajolla.series.jobs_of(arguments.jobs):
         if arguments.dry_run:
             print(shlex.join(["lajolla", "render", *words]))
             continue
         try:
             job = parse(["render", *words, *passed_on])
         except UsageError as problem:
-            raise UsageError(f"{arguments.jobs}: job {number}: {problem}") from None
+            raise UsageError(f"{arguments.jobs}: {name}: {problem}") from None
+        if not job.scene.exists() and not arguments.keep_going:  # before hours of other jobs
+            raise UsageError(f"{arguments.jobs}: {name}: {job.scene}: no such file")
         job.keep_partial = False
-        renders.append(lajolla.series.Render(f"job {number}", job))
+        renders.append(lajolla.series.Render(name, job))
     if not renders:
         return 0
     return _render_each(lajolla.series.all_frames(renders), keep_going=arguments.keep_going)
@@ -321,8 +328,9 @@ def command_merge(arguments: argparse.Namespace) -> int:
     outputs = lajolla.outputs.outputs_of(arguments)
     lajolla.outputs.check(arguments)
     lajolla.outputs.check_distinct(arguments, outputs)
-    if len(set(arguments.files)) < len(arguments.files):
-        raise UsageError("a checkpoint is named twice")
+    for path, count in Counter(arguments.files).items():
+        if count > 1:
+            raise UsageError(f"{path} is named twice")
     files = {path: lajolla.checkpoint.read(path) for path in arguments.files}
     result = lajolla.checkpoint.merged(files)
     if result.left_out:
