@@ -123,6 +123,7 @@ def _checked_outputs(scene: lajolla.Scene, arguments: argparse.Namespace) -> lis
         output.check()
         output.check_space(scene, layers=9 if arguments.denoise else 0)
         output.check_layers(scene, arguments)
+    lajolla.outputs.warn_of_unused(outputs, arguments)
     has_more = scene.core.channels or scene.aovs
     if has_more and not any(output.holds_channels for output in outputs):
         *some, last = lajolla.picture_formats.HOLD_CHANNELS
@@ -162,17 +163,16 @@ def _run_and_save(
             if saver is not None:
                 patience.save(saver.write)
             raise patience.interrupt
-        patience.save(_save, outputs, scene, rendering, features, arguments, saver)
-    written = f"wrote {', '.join(map(str, outputs))} ({_summary(scene, rendering)})"
+        written, failures = patience.save(_save, outputs, scene, rendering, features, arguments, saver)
     if failure is not None:
-        say(written)
-        raise failure
-    if patience.interrupt is not None:
-        say(f"interrupted; {written}")
-        return patience.interrupt.exit_code
-    if not arguments.quiet:
-        say(written)
-    return 0
+        failures.append(failure)
+    told = f"wrote {', '.join(written)} ({_summary(scene, rendering)})" if written else "nothing was written"
+    if patience.interrupt is not None and failure is None:
+        say(f"interrupted; {told}")
+    elif written and (failures or not arguments.quiet):
+        say(told)
+    lajolla.outputs.raise_last(failures)
+    return patience.interrupt.exit_code if patience.interrupt is not None else 0
 
 
 @contextmanager
@@ -204,8 +204,11 @@ def _save(
     features: Mapping[str, FloatImage] | None,
     arguments: argparse.Namespace,
     saver: lajolla.checkpoint.Saver | None,
-) -> None:
-    """Writes all outputs of a render, denoised if there are features."""
+) -> tuple[list[str], list[Exception]]:
+    """Writes all outputs of a render, denoised if there are features.
+
+    Returns the names of the pictures that were written, and what went wrong.
+    """
     failures: list[Exception] = []
     if saver is not None:  # first, as nothing can be computed again without it
         try:
@@ -220,15 +223,16 @@ def _save(
             picture = picture.denoise(features, threads=arguments.threads)
         except lajolla.DenoiseError as problem:
             failures.append(lajolla.DenoiseError(f"{problem}; the picture was saved as rendered"))
-    lajolla.outputs.write_pictures(outputs, picture, arguments)
+    written, errors = lajolla.outputs.write_pictures(outputs, picture, arguments)
+    failures += errors
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
-        stats = lajolla.outputs.statistics(scene, rendering)
-        lajolla.outputs.write_statistics(arguments.stats, stats)
-    for failure in failures[:-1]:
-        say(f"error: {failure}")
-    if failures:
-        raise failures[-1]
+        try:
+            stats = lajolla.outputs.statistics(scene, rendering)
+            lajolla.outputs.write_statistics(arguments.stats, stats)
+        except (OSError, lajolla.ImageError) as problem:
+            failures.append(problem)
+    return written, failures
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
@@ -335,9 +339,15 @@ def command_merge(arguments: argparse.Namespace) -> int:
     result = lajolla.checkpoint.merged(files)
     if result.left_out:
         say(f"warning: {', '.join(result.left_out)} left out, which only a render of the scene can compute")
-    lajolla.outputs.write_pictures(outputs, result.image(), arguments)
+    lajolla.outputs.warn_of_unused(outputs, arguments)
+    written, failures = lajolla.outputs.write_pictures(outputs, result.image(), arguments)
     if arguments.checkpoint is not None:
-        result.write(arguments.checkpoint)
-    written = [*map(str, outputs), *([str(arguments.checkpoint)] if arguments.checkpoint else [])]
-    say(f"wrote {', '.join(written)} ({int(result.counts.max())} samples per pixel)")
+        try:
+            result.write(arguments.checkpoint)
+            written.append(str(arguments.checkpoint))
+        except lajolla.ImageError as problem:
+            failures.append(problem)
+    if written:
+        say(f"wrote {', '.join(written)} ({int(result.counts.max())} samples per pixel)")
+    lajolla.outputs.raise_last(failures)
     return 0
