@@ -33,7 +33,7 @@ import numpy as np
 from lajolla import _core, processor, units
 from lajolla.adaptive import TILE_SIZE, Counts
 from lajolla.limits import OptionError
-from lajolla.messages import ClusterError, ClusterWarning, names_checked, warn
+from lajolla.messages import ClusterError, ClusterWarning, installing, names_checked, warn
 from lajolla.render import Progress, Rendering, available_threads
 from lajolla.units import Plan, Result, Unit
 
@@ -430,9 +430,7 @@ def connected(cluster: str | Client, threads: int | None) -> Iterator[Client]:
     try:
         import distributed
     except ImportError:
-        raise ClusterError(
-            "a cluster needs the package 'distributed': pip install 'lajolla[cluster]'"
-        ) from None
+        raise ClusterError(f"a cluster needs the package distributed: {installing('distributed')}") from None
     if not isinstance(cluster, str):
         yield cluster
     elif count is not None:

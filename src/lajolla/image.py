@@ -153,7 +153,7 @@ class Image(Pixelwise):
     def denoise(
         self, features: Mapping[str, FloatImage] | None = None, *, threads: int | None = None
     ) -> Image:
-        """The picture without noise, by Intel Open Image Denoise (`pip install 'lajolla[denoise]'`).
+        """The picture without noise, by Intel Open Image Denoise (`pip install pyoidn`).
 
         The result's channels contain this picture too, as "noisy.R", "noisy.G" and "noisy.B", and the
         features, if it has no such layers itself. Alpha and other layers stay as they are.
