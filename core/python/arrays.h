@@ -10,6 +10,7 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "base/frame.h"
@@ -34,12 +35,17 @@ nb::object array_of(std::vector<T> numbers, std::initializer_list<std::size_t> s
     return nb::cast(nb::ndarray<nb::numpy, T>(data, shape, owner));
 }
 
-// An array for NumPy that is filled row by row.
+// An array of NumPy, whose memory is huge pages where the system has them, that is filled row by row. Rows
+// that are not set have any values.
 template <class T, std::size_t N>
 class Table {
 public:
-    explicit Table(std::size_t rows) : values_(std::make_unique<T[]>(rows * N)), rows_(rows) {}
-    T *row(std::size_t i) { return values_.get() + i * N; }
+    explicit Table(std::size_t rows) {
+        const nb::object shape = N == 1 ? nb::int_(rows) : nb::object(nb::make_tuple(rows, N));
+        array_ = nb::module_::import_("numpy").attr("empty")(shape, type_name());
+        values_ = nb::cast<nb::ndarray<T, nb::numpy, nb::c_contig>>(array_).data();
+    }
+    T *row(std::size_t i) { return values_ + i * N; }
     void set(std::size_t i, auto... values) {
         static_assert(sizeof...(values) == N);
         T *target = row(i);
@@ -56,16 +62,17 @@ public:
         set(i, s.x, s.y, s.z, t.x, t.y, t.z, n.x, n.y, n.z);
     }
 
-    nb::object to_numpy() && {
-        T *const data = values_.release();
-        const nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<T *>(p); });
-        if constexpr (N == 1) return nb::cast(nb::ndarray<nb::numpy, T>(data, {rows_}, owner));
-        else return nb::cast(nb::ndarray<nb::numpy, T>(data, {rows_, N}, owner));
-    }
+    nb::object to_numpy() && { return std::move(array_); }
 
 private:
-    std::unique_ptr<T[]> values_;
-    std::size_t rows_;
+    static const char *type_name() {
+        if constexpr (std::is_same_v<T, bool>) return "bool";
+        else if constexpr (std::is_floating_point_v<T>) return sizeof(T) == 4 ? "float32" : "float64";
+        else return std::is_signed_v<T> ? "int32" : "uint32";
+    }
+
+    nb::object array_;
+    T *values_;
 };
 
 // An array of f(0) ... f(rows - 1).
@@ -82,7 +89,8 @@ inline Vec3f triple(const Rows<3> &rows, std::size_t i) {
     return {rows(row, 0), rows(row, 1), rows(row, 2)};
 }
 // A position in the world, where float32 may not suffice.
-inline std::array<double, 3> position(const Rows<3, double> &rows, std::size_t i) {
+template <class Real>
+std::array<double, 3> position(const Rows<3, Real> &rows, std::size_t i) {
     const std::size_t row = rows.shape(0) == 1 ? 0 : i;
     return {rows(row, 0), rows(row, 1), rows(row, 2)};
 }

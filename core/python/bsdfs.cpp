@@ -81,9 +81,13 @@ nb::dict LoneBsdf::sample_many(const Rows<3> &wo, const Rows<3> &u, bool one_lan
     Table<float, 3> wi(n), weight(n);
     Table<float, 1> pdf(n), eta(n), width(n);
     Table<bool, 1> valid(n), delta(n);
+    const auto set_invalid = [&](std::size_t i) {
+        wi.set(i, Vec3f(0)), weight.set(i, Vec3f(0));
+        pdf.set(i, 0.0f), eta.set(i, 0.0f), width.set(i, 0.0f), delta.set(i, false);
+    };
     const auto set = [&](std::size_t i, const BsdfSample<float> &s) {
         valid.set(i, s.valid);
-        if (!s.valid) return;
+        if (!s.valid) return set_invalid(i);
         wi.set(i, s.wi);
         weight.set(i, s.weight);
         pdf.set(i, s.pdf);

@@ -17,15 +17,17 @@ using namespace nb::literals;
 
 constexpr std::size_t block = 64 * lanes; // rays of a task
 
-// Rays of a table: as many origins, directions and ends as there are rays, or one for all.
+// Rays of a table: as many origins, directions and ends as there are rays, or one for all. Origins are
+// float32 or, as positions far from the world's origin must be, float64.
+template <class Real>
 struct RayRows {
     const Scene &scene;
-    const Rows<3, double> &origins;
+    const Rows<3, Real> &origins;
     const Rows<3> &directions;
     const Column &ends;
     std::size_t count;
 
-    RayRows(const Scene &s, const Rows<3, double> &from, const Rows<3> &along, const Column &far)
+    RayRows(const Scene &s, const Rows<3, Real> &from, const Rows<3> &along, const Column &far)
         : scene(s), origins(from), directions(along), ends(far),
           count(std::max({from.shape(0), along.shape(0), far.shape(0)})) {
         require_one_or(from.shape(0), count, "origins");
@@ -121,7 +123,8 @@ struct Intersections {
     }
 };
 
-nb::dict intersect(const RenderableScene &self, const Rows<3, double> &origins, const Rows<3> &directions,
+template <class Real>
+nb::dict intersect(const RenderableScene &self, const Rows<3, Real> &origins, const Rows<3> &directions,
                    const Column &max_distance, int threads) {
     const Scene &scene = *self.scene;
     const RayRows rows(scene, origins, directions, max_distance);
@@ -140,7 +143,8 @@ nb::dict intersect(const RenderableScene &self, const Rows<3, double> &origins, 
     return std::move(result).to_numpy();
 }
 
-nb::object occluded(const RenderableScene &self, const Rows<3, double> &origins, const Rows<3> &directions,
+template <class Real>
+nb::object occluded(const RenderableScene &self, const Rows<3, Real> &origins, const Rows<3> &directions,
                     const Column &max_distance, int threads) {
     const RayRows rows(*self.scene, origins, directions, max_distance);
     Table<bool, 1> result(rows.count);
@@ -156,17 +160,25 @@ nb::object occluded(const RenderableScene &self, const Rows<3, double> &origins,
     return std::move(result).to_numpy();
 }
 
+template <class Real>
+void bind_queries_from(nb::module_ &m) {
+    m.def(
+        "intersect", &intersect<Real>, "scene"_a, "origins"_a.noconvert(), "directions"_a, "max_distance"_a,
+        "threads"_a = 0,
+        "The closest hits of rays: origins (1 or N, 3) of float32 or float64, directions (1 or N, 3) and "
+        "max_distance (1 or N,) of float32. A dict of arrays distance (N,), in lengths of the direction and "
+        "infinite without a hit; position (N, 3) of float64; normal, geometric_normal (N, 3); uv (N, 2); "
+        "and the positions shape, primitive and instance (N,) in the description's lists, -1 for none. "
+        "Rays that are not finite or extremely large, and those that end before they begin, have no hits.");
+    m.def("occluded", &occluded<Real>, "scene"_a, "origins"_a.noconvert(), "directions"_a, "max_distance"_a,
+          "threads"_a = 0, "Whether rays meet anything: bool (N,); see intersect().");
+}
+
 } // namespace
 
 void bind_queries(nb::module_ &m) {
-    m.def("intersect", &intersect, "scene"_a, "origins"_a, "directions"_a, "max_distance"_a, "threads"_a = 0,
-          "The closest hits of rays: origins (1 or N, 3) of float64, directions (1 or N, 3) and max_distance "
-          "(1 or N,) of float32. A dict of arrays distance (N,), in lengths of the direction and infinite "
-          "without a hit; position (N, 3) of float64; normal, geometric_normal (N, 3); uv (N, 2); and the "
-          "positions shape, primitive and instance (N,) in the description's lists, -1 for none. Rays that "
-          "are not finite or extremely large, and those that end before they begin, have no hits.");
-    m.def("occluded", &occluded, "scene"_a, "origins"_a, "directions"_a, "max_distance"_a, "threads"_a = 0,
-          "Whether rays meet anything: bool (N,); see intersect().");
+    bind_queries_from<float>(m);
+    bind_queries_from<double>(m);
 }
 
 } // namespace lajolla

@@ -17,7 +17,7 @@ from lajolla.scene import Description, numbered
 
 Ids = NDArray[np.int32]
 Positions = NDArray[np.float64]
-RayRows = tuple[Positions, FloatImage, FloatImage]
+RayRows = tuple[NDArray[Any], FloatImage, FloatImage]  # origins of float32 or float64
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,9 @@ def occlusion_of(
 
 def _rays(origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike) -> RayRows:
     """Rows of the core's types, one or as many as there are rays. Raises ValueError."""
-    starts = np.ascontiguousarray(_rows("origins", origins), np.float64)  # the core subtracts its own origin
+    starts = np.ascontiguousarray(_rows("origins", origins))
+    if starts.dtype != np.float32:
+        starts = starts.astype(np.float64, copy=False)
     along = _as_float32(_rows("directions", directions))
     ends = _as_float32(_ends(max_distance))
     counts = {len(starts), len(along), len(ends)} - {1}
