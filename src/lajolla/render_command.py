@@ -26,6 +26,7 @@ TYPE_CHECKING = False  # as in `lajolla`
 if TYPE_CHECKING:
     from lajolla.colour import FloatImage
     from lajolla.series import Render
+    from lajolla.tev import Tev
 
 SAVING_SECONDS = 60.0  # between two checkpoints
 
@@ -47,6 +48,7 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
             sampler=arguments.sampler,
             integrator=arguments.integrator,
             max_depth=arguments.max_depth,
+            strategy=arguments.strategy,
             sensor=arguments.sensor,
             hide_emitters=arguments.hide_emitters,
             aovs=arguments.aovs,
@@ -84,6 +86,11 @@ def command_render(arguments: argparse.Namespace) -> int:
         lajolla.outputs.check(arguments)
     if arguments.denoise:
         lajolla.denoising.check_available()
+    tev = (
+        None
+        if arguments.tev is None
+        else lajolla.tev.Tev(arguments.tev, lambda text: say(f"warning: {text}"))
+    )
     scene = load(arguments)
     for warning in scene.warnings:
         print_message(warning)
@@ -105,7 +112,15 @@ def command_render(arguments: argparse.Namespace) -> int:
     if arguments.resume is not None:
         lajolla.checkpoint.resume(rendering, arguments.resume)
         _warn_of_more_samples(rendering, arguments)
-    return _run_and_save(outputs, scene, rendering, arguments)
+    name = str(outputs[0])
+    shown = [] if tev is None else [partial(_show_in_tev, tev, name, rendering)]
+    if not arguments.view:
+        return _run_and_save(outputs, scene, rendering, arguments, tev, shown)
+    from lajolla.viewer.during_render import page_of_render  # here, as other renders need no server
+
+    names = ", ".join(map(str, outputs))
+    with page_of_render(scene, rendering, arguments, names) as observe:
+        return _run_and_save(outputs, scene, rendering, arguments, tev, [*shown, observe])
 
 
 def _warn_of_more_samples(rendering: lajolla.Rendering, arguments: argparse.Namespace) -> None:
@@ -136,6 +151,8 @@ def _run_and_save(
     scene: lajolla.Scene,
     rendering: lajolla.Rendering,
     arguments: argparse.Namespace,
+    tev: Tev | None,
+    shown: Sequence[Observer],
 ) -> int:
     """Renders, and saves what there is at the end, after an interrupt, or after an error."""
     file = arguments.checkpoint
@@ -153,7 +170,7 @@ def _run_and_save(
                             threads=arguments.threads, observe=patience.stopping(observe)
                         )
                 with displayed() as observe:
-                    rendering.run(patience.stopping(_saving(saver, observe)))
+                    rendering.run(patience.stopping(_saving(saver, _together(observe, *shown))))
         except Exception as error:  # whatever it is, the samples so far are saved
             failure = error
         problem = failure or patience.interrupt
@@ -163,7 +180,7 @@ def _run_and_save(
             if saver is not None:
                 patience.save(saver.write)
             raise patience.interrupt
-        written, failures = patience.save(_save, outputs, scene, rendering, features, arguments, saver)
+        written, failures = patience.save(_save, outputs, scene, rendering, features, arguments, saver, tev)
     if failure is not None:
         failures.append(failure)
     told = f"wrote {', '.join(written)} ({_summary(scene, rendering)})" if written else "nothing was written"
@@ -197,6 +214,21 @@ def _saving(saver: lajolla.checkpoint.Saver | None, observe: Observer) -> Observ
     return observe_and_save
 
 
+def _together(*observers: Observer) -> Observer:
+    """An observer that calls others."""
+
+    def observe_all(progress: lajolla.Progress) -> None:
+        for observe in observers:
+            observe(progress)
+
+    return observe_all
+
+
+def _show_in_tev(tev: Tev, name: str, rendering: lajolla.Rendering, progress: lajolla.Progress) -> None:
+    if progress.samples > 0:
+        tev.offer(name, lambda: lajolla.tev.channels_of(rendering.mean()))
+
+
 def _save(
     outputs: Sequence[lajolla.outputs.Output],
     scene: lajolla.Scene,
@@ -204,6 +236,7 @@ def _save(
     features: Mapping[str, FloatImage] | None,
     arguments: argparse.Namespace,
     saver: lajolla.checkpoint.Saver | None,
+    tev: Tev | None,
 ) -> tuple[list[str], list[Exception]]:
     """Writes all outputs of a render, denoised if there are features.
 
@@ -223,8 +256,12 @@ def _save(
             picture = picture.denoise(features, threads=arguments.threads)
         except lajolla.DenoiseError as problem:
             failures.append(lajolla.DenoiseError(f"{problem}; the picture was saved as rendered"))
+    if tev is not None:
+        tev.offer(str(outputs[0]), lambda: lajolla.tev.channels_of(picture))
     written, errors = lajolla.outputs.write_pictures(outputs, picture, arguments)
     failures += errors
+    if tev is not None:
+        tev.close()
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         try:
