@@ -56,7 +56,7 @@ def test_includes_point_downwards(source: Path) -> None:
 MAY_IMPORT = {
     "scene/syntax": {"colour", "messages"},
     "scene/data": {"colour", "scene/syntax"},
-    "scene/formats": {"_core", "colour", "picture_files", "scene/syntax"},
+    "scene/formats": {"_core", "colour", "messages", "picture_files", "scene/syntax"},
     "scene/schema": {"_core"},
     "scene/versions": {"scene/schema", "scene/syntax"},
     "scene/description": {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -99,6 +100,43 @@ class Cryptomatte:
 
     def _seen(self) -> list[int]:
         return [number for number in np.unique(self.numbers).tolist() if number > 0]
+
+
+@dataclass(frozen=True)
+class StoredCryptomatte:
+    """A Cryptomatte of a file, by any program, which stays as it is: its channels and attributes by name."""
+
+    stored: Mapping[str, FloatImage]
+    attributes: Mapping[str, str]
+
+    def channels(self, name: str) -> dict[str, FloatImage]:
+        return dict(self.stored)
+
+    def metadata(self, name: str) -> dict[str, str]:
+        return dict(self.attributes)
+
+    def arrays(self, name: str) -> dict[str, NDArray[Any]]:
+        """The channels of each layer together, (height, width, number of channels)."""
+        names = dict.fromkeys(channel.rpartition(".")[0] for channel in self.stored)
+        return {
+            layer: np.dstack([v for k, v in self.stored.items() if k.rpartition(".")[0] == layer])
+            for layer in names
+        }
+
+
+def stored_cryptomattes(
+    channels: Mapping[str, FloatImage], attributes: Mapping[str, str]
+) -> dict[str, StoredCryptomatte]:
+    """The Cryptomattes of a file by their names; those that have no channels are left out."""
+    result = {}
+    for attribute, name in attributes.items():
+        key, _, field = attribute.rpartition("/")
+        part = re.compile(re.escape(name) + r"\d\d\.\w+")
+        own = {channel: values for channel, values in channels.items() if part.fullmatch(channel)}
+        if field == "name" and key.startswith("cryptomatte/") and own:
+            told = {k: v for k, v in attributes.items() if k.startswith(f"{key}/")}
+            result[name] = StoredCryptomatte(own, told)
+    return result
 
 
 def name_hash(name: str) -> int:
