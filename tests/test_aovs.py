@@ -310,6 +310,26 @@ def test_bands_and_ranks() -> None:
 # --- files
 
 
+def test_mattes_of_files_stay_as_they_are(tmp_path: Path) -> None:
+    """Also those of other programs, whose channels are named like colours."""
+    image = lajolla.load_dict(scene_of(INSTANCED), aovs=["depth", "crypto_shape"], spp=4).render()
+    ours, name = image.layers["crypto_shape"], "View.CryptoObject"
+    channels = {f"{name}{k[-4:].upper()}": values for k, values in ours.channels(name).items()}
+    image.layers[name] = layers.StoredCryptomatte(channels, ours.metadata(name))
+    image.save(tmp_path / "a.exr")
+    opened = lajolla.Image.open(tmp_path / "a.exr")
+    assert set(opened.channels) == {"depth.Z"}
+    opened.save(tmp_path / "b.exr", half=True)
+    before, after = (attributes((tmp_path / file).read_bytes()) for file in ("a.exr", "b.exr"))
+    assert {k: v for k, v in before.items() if k.startswith("cryptomatte/")}.items() <= after.items()
+    again = lajolla.Image.open(tmp_path / "b.exr").layers
+    for matte, layer in image.layers.items():
+        for channel, values in layer.channels(matte).items():
+            assert again[matte].channels(matte)[channel].tobytes() == values.tobytes()
+    with pytest.raises(lajolla.ImageError, match="pxr24 rounds numbers"):
+        opened.save(tmp_path / "c.exr", compression="pxr24")
+
+
 def saved(path: Path, **options: Any) -> tuple[dict[str, str], dict[str, np.ndarray]]:  # noqa: ANN401
     """The formats and the values of the channels of a render with every layer."""
     scene = lajolla.load_dict(scene_of(INSTANCED), aovs=list(AOVS), spp=4)

@@ -604,8 +604,24 @@ def test_a_full_standard_output_loses_no_other_picture() -> None:
     with open("/dev/full", "wb") as full:
         result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60, check=False)
     assert result.returncode == 1
-    assert result.stderr == b"lajolla: error: standard output: cannot be written: No space left on device\n"
+    wrote, error = result.stderr.splitlines()
+    assert wrote.startswith(b"lajolla: wrote b.png (")
+    assert error == b"lajolla: error: standard output: cannot be written: No space left on device"
     assert files() == {"b.png"}
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("-o a.png --half", "lajolla: warning: --half is for .exr files only\n"),
+        ("-o a.hdr --compression piz", "lajolla: warning: --compression is for .exr files only\n"),
+        ("-o a.exr --exposure 1", "lajolla: warning: --exposure is for PNG, JPEG and the like only\n"),
+        ("-o a.exr -o a.png --exposure 1 --half", ""),
+    ],
+)
+def test_options_that_change_nothing_are_told(words: str, told: str, capsys: Capture) -> None:
+    assert cli.main(f"render room.xml --quiet {words}".split()) == 0
+    assert capsys.readouterr().err == told
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import signal
@@ -227,7 +228,18 @@ def test_a_scheduler_that_is_not_there(scene: lajolla.Scene, monkeypatch: pytest
 
 def test_without_the_package(scene: lajolla.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(lajolla.ClusterError, match=r"pip install 'lajolla\[cluster\]'"):
+    with pytest.raises(lajolla.ClusterError, match="-m pip install distributed"):
+        scene.render(cluster="local:2")
+
+
+def test_processes_that_do_not_start(scene: lajolla.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They import the script that starts them, as those of Python's multiprocessing do."""
+
+    def fail(**options: object) -> None:
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr(distributed, "LocalCluster", fail)
+    with pytest.raises(lajolla.ClusterError, match='in a script, render below if __name__ == "__main__":'):
         scene.render(cluster="local:2")
 
 
@@ -241,10 +253,23 @@ with LocalCluster(1, **options) as cluster:
 """
 
 
+@pytest.fixture
+def logged() -> Iterator[io.StringIO]:
+    """What Dask logs."""
+    stream = io.StringIO()
+    handler, logger = logging.StreamHandler(stream), logging.getLogger("distributed")
+    logger.addHandler(handler)
+    yield stream
+    logger.removeHandler(handler)
+
+
 def test_a_scheduler_that_ends(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    logged: io.StringIO,
 ) -> None:
-    """What has arrived is in the picture and in the checkpoint."""
+    """What has arrived is in the picture and in the checkpoint, and one message says what happened."""
     monkeypatch.chdir(tmp_path)
     Path("a.xml").write_text(
         '<scene version="3.0.0"><integrator type="path"/><sensor type="perspective">'
@@ -269,6 +294,7 @@ def test_a_scheduler_that_ends(
     message = capsys.readouterr().err
     assert "error: the scheduler is gone" in message
     assert "wrote a.exr (" in message
+    assert logged.getvalue() == ""
     saved = checkpoint.read(Path("a.npz"))
     assert saved.counts.min() > 0
     np.testing.assert_array_equal(lajolla.Image.open("a.exr").array, saved.image().array)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -25,7 +26,7 @@ Settings = dict[str, Any]
 Capture = pytest.CaptureFixture[str]
 
 needs_denoiser = pytest.mark.skipif(
-    find_spec("pyoidn") is None, reason="Open Image Denoise is not installed: pip install 'lajolla[denoise]'"
+    find_spec("pyoidn") is None, reason="Open Image Denoise is not installed (pyoidn)"
 )
 
 FLOOR = {"type": "rectangle", "to_world": scaling(50), "material": 0}
@@ -373,8 +374,9 @@ def test_without_the_package(room: Path, monkeypatch: pytest.MonkeyPatch, capsys
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     for words in ("render missing.xml --denoise", "denoise missing.exr -o a.exr"):
         assert cli.main(words.split()) == 1
-        message = "denoising needs Open Image Denoise, which is not installed: pip install 'lajolla[denoise]'"
-        assert capsys.readouterr().err == f"lajolla: error: {message}\n"
+        message = "denoising needs Open Image Denoise, which is not installed"
+        command = f"{shlex.quote(sys.executable)} -m pip install pyoidn"
+        assert capsys.readouterr().err == f"lajolla: error: {message}: {command}\n"
     scene = lajolla.load(room)
     with pytest.raises(lajolla.DenoiseError, match="is not installed"):
         scene.render(denoise=True, progress=lambda progress: pytest.fail("it was rendered"))

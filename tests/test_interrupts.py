@@ -89,12 +89,12 @@ def test_an_interrupted_start_is_one_line(module: str, number: signal.Signals) -
     assert result.stderr == "lajolla: interrupted; nothing was written\n"
 
 
-def interrupting(action: Callable[..., None]) -> Callable[..., None]:
+def interrupting(action: Callable[..., object]) -> Callable[..., object]:
     """An action during which there is a signal."""
 
-    def interrupted(*arguments: object, **settings: object) -> None:
+    def interrupted(*arguments: object, **settings: object) -> object:
         os.kill(os.getpid(), signal.SIGINT)
-        action(*arguments, **settings)
+        return action(*arguments, **settings)
 
     return interrupted
 

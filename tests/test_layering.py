@@ -56,7 +56,7 @@ def test_includes_point_downwards(source: Path) -> None:
 MAY_IMPORT = {
     "scene/syntax": {"colour", "messages"},
     "scene/data": {"colour", "scene/syntax"},
-    "scene/formats": {"_core", "colour", "picture_files", "scene/syntax"},
+    "scene/formats": {"_core", "colour", "messages", "picture_files", "scene/syntax"},
     "scene/schema": {"_core"},
     "scene/versions": {"scene/schema", "scene/syntax"},
     "scene/description": {
@@ -73,8 +73,8 @@ MAY_IMPORT = {
 }
 # The viewer stands beside the command line, above the rest of the package.
 VIEWER = {
-    *("_core", "aovs", "arguments", "colour", "display", "image", "interrupts", "limits", "loaded_scene"),
-    *("messages", "params", "picture_files", "render", "scene", "scene/schema", "tev"),
+    *("_core", "aovs", "arguments", "colour", "display", "image", "interrupts", "layers", "limits"),
+    *("loaded_scene", "messages", "params", "picture_files", "render", "scene", "scene/schema", "tev"),
 }
 PACKAGE = CORE.parent / "src" / "lajolla"
 MODULES = {

@@ -106,8 +106,9 @@ def test_an_error_ends_a_series_unless_it_keeps_going(capsys: pytest.CaptureFixt
     assert capsys.readouterr().err.count("failed") == 3
 
 
-def test_existing_pictures_are_kept() -> None:
+def test_existing_pictures_are_kept(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("render sky.xml --frames 1-2 -o a.pfm") == 0
+    assert "warning: all frames are equal" in capsys.readouterr().err
     Path("a-0001.pfm").unlink()
     assert run("render sky.xml --frames 1-2 -o a.pfm -D level=4 --skip-existing") == 0
     assert level("a-0001.pfm") == 4 and level("a-0002.pfm") == 1
@@ -216,10 +217,13 @@ def test_the_commands_of_jobs_are_printed(capsys: pytest.CaptureFixture[str]) ->
         ),
         (
             "scene = 'sky.xml'\nparameters = {level = [1, 2]}\noutput = 'a.pfm'",
-            "is written by job 1 and job 2",
+            "is written by job 1, level=1 and job 1, level=2",
         ),
         ("scene = 'sky.xml'\nparameters = {level = [1, 2]}", "needs a picture: output ="),
-        ("scene = 'no.xml'\noutput = 'a.pfm'", "no.xml"),
+        (
+            "[[job]]\nscene = 'sky.xml'\noutput = 'a.pfm'\n[[job]]\nscene = 'no.xml'\noutput = 'b.pfm'",
+            "jobs.toml: job 2: no.xml: no such file",
+        ),
     ],
 )
 def test_mistakes_in_jobs(text: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,5 +1,8 @@
 #include "engine/build.h"
 
+#include <algorithm>
+#include <array>
+
 #include "engine/described.h"
 #include "engine/entries.h"
 #include "engine/media.h"
@@ -57,11 +60,13 @@ void read_lights(const Dict &description, SceneParts &parts) {
 
 void read_shapes(const Dict &description, SceneParts &parts) {
     std::vector<ShapeSlot> slots;
+    std::vector<Compositing> compositing;
     parts.shapes = read_list(description, "shapes", [&](const Dict &entry, const std::string &where) {
         slots.push_back(read_slot(entry, parts, where));
+        compositing.push_back(read_compositing(entry, where));
         return read_shape(entry, where);
     });
-    parts.slots = std::move(slots);
+    parts.slots = std::move(slots), parts.compositing = std::move(compositing);
     parts.groups = read_list(description, "groups", [&](const Dict &entry, const std::string &where) {
         return read_group(entry, parts.shapes.size(), where);
     });
@@ -125,6 +130,21 @@ void check_light_groups(const Output &output, const SceneParts &parts) {
 
 } // namespace
 
+void match_channels(RenderableScene &scene) {
+    constexpr std::array shadows{Recorded::catcher, Recorded::shadowed, Recorded::unshadowed};
+    std::vector<Channel> &channels = scene.output.channels;
+    std::erase_if(channels, [&](const Channel &channel) {
+        return std::ranges::find(shadows, channel.recorded) != shadows.end();
+    });
+    if (!scene.scene->has_catchers()) return;
+    for (std::size_t i = 0, count = channels.size(); i < count; ++i)
+        for (const Recorded recorded : shadows) {
+            if (channels[i].recorded != Recorded::alpha || channels[i].squared) continue;
+            const std::string name = choices(recorded)[static_cast<std::size_t>(recorded)];
+            channels.push_back({channels[i].label + "." + name, channels[i].source, recorded});
+        }
+}
+
 std::shared_ptr<RenderableScene> build_scene(const Dict &description) {
     auto result = std::make_shared<RenderableScene>();
     result->set_sampler(read_variant<SamplerModel>(description, "sampler"));
@@ -138,12 +158,14 @@ std::shared_ptr<RenderableScene> build_scene(const Dict &description) {
     } catch (const std::invalid_argument &error) {
         throw DescriptionError(error.what());
     }
+    match_channels(*result);
     return result;
 }
 
 std::shared_ptr<RenderableScene> with_output(const RenderableScene &scene, const Dict &description) {
     auto result = std::make_shared<RenderableScene>(scene);
     result->output = read_output(description);
+    match_channels(*result);
     return result;
 }
 
@@ -155,7 +177,8 @@ Dict schema() {
             {"medium", schema_of_list<Medium>()},
             {"phase", schema_of_list<Phase>()},
             {"volume", schema_of_list<VolumeModel>()},
-            {"shape", schema_of_list<Shape>()},
+            {"shape", schema_of_list<Shape, Compositing>()},
+            {"instance", schema_of_list<std::variant<Instance>>()},
             {"sensor", schema_of_list<Camera>()},
             {"film", schema_of_list<std::variant<Film>>()},
             {"rfilter", schema_of_list<PixelFilter>()},

@@ -18,9 +18,9 @@ std::shared_ptr<RenderableScene> with_output(const RenderableScene &scene, const
 
 // The same scene with other entries, which have the names that messages use: {"bsdfs[3]": {...}, "sensor":
 // {...}}. Textures, BSDFs, adapters and materials can be added as the entry after the last. A shape's entry
-// without "type" changes only what the shape refers to; its emitter stays. All that does not depend on the
-// changes is shared with the other scene. Null if the scene has to be built anew because it moves to another
-// origin (recentre.h). Throws DescriptionError.
+// without "type" changes only what the shape refers to and how the camera sees it; its emitter stays. All
+// that does not depend on the changes is shared with the other scene. Null if the scene has to be built anew
+// because it moves to another origin (recentre.h). Throws DescriptionError.
 std::shared_ptr<RenderableScene> with_changes(const RenderableScene &scene, const Dict &changes);
 
 // Every model and its fields: {kind: {name: {"doc", "fields": [{"name", "type", "default", ...}, ...]}}}.

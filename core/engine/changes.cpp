@@ -85,6 +85,7 @@ void Changes::change_shape(std::size_t index, const Dict &entry, const std::stri
     ShapeSlot slot = read_slot(entry, parts_, where);
     slot.emitter = parts_.slots[index].emitter;
     put(parts_.slots, index, slot, where);
+    put(parts_.compositing, index, read_compositing(entry, where), where);
     if (!entry.contains("type")) return;
     Shape shape = read_shape(entry, where);
     check_size(shape, where);
@@ -148,6 +149,7 @@ std::shared_ptr<RenderableScene> Changes::result() && {
     } catch (const std::invalid_argument &error) {
         throw DescriptionError(error.what());
     }
+    match_channels(*result_);
     return result_;
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-// Converts between descriptions and models by their fields(). schema_of() lists a model's fields;
+// Converts between descriptions and models by their fields(). schema_of_list() lists models' fields;
 // read_model() and variant_from() build a model from a dict, and report errors.
 //
 // Described<T> describes a type that appears in fields(); it is specialised for meshes, images and so on in
@@ -247,18 +247,22 @@ std::string names_of() {
 
 } // namespace detail
 
-// {"doc": ..., "fields": [{"name", "type", "default", "minimum", "maximum", "unit", "choices", "doc"}, ...]}
-template <class Model>
-Dict schema_of() {
-    Model model;
-    return detail::describe(Model::doc, detail::bind_fields(model));
-}
-
-// {name: schema_of(model)} of every alternative.
-template <class Variant>
+// Of every alternative {name: {"doc": ..., "fields": [{"name", "type", "default", "minimum", "maximum",
+// "unit", "choices", "doc"}, ...]}}, with the fields of what each of them has beside its own.
+template <class Variant, class... Shared>
 Dict schema_of_list() {
     Dict schema;
-    for_each_alternative<Variant>([&]<class Model>() { schema.add(Model::name, schema_of<Model>()); });
+    for_each_alternative<Variant>([&]<class Model>() {
+        Model model;
+        std::tuple<Shared...> shared;
+        std::vector<detail::BoundField> fields;
+        const auto append = [&](auto &each) {
+            for (const auto &field : detail::bind_fields(each)) fields.push_back(field);
+        };
+        append(model);
+        std::apply([&](auto &...each) { (append(each), ...); }, shared);
+        schema.add(Model::name, detail::describe(Model::doc, fields));
+    });
     return schema;
 }
 

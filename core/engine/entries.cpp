@@ -121,8 +121,19 @@ ShapeSlot read_slot(const Dict &entry, const SceneParts &parts, const std::strin
             read_id(entry, "exterior", media, where)};
 }
 
+Compositing read_compositing(const Dict &entry, const std::string &where) {
+    Compositing result;
+    for_each_field<Compositing>([&](const auto &field) {
+        if (const Value *const given = entry.find(field.name))
+            read_value(*given, result.*field.member, where, ".", field.name);
+    });
+    return result;
+}
+
 Shape read_shape(const Dict &entry, const std::string &where) {
-    return variant_from<Shape>(entry, where, {"material", "emitter", "interior", "exterior"});
+    return variant_from<Shape>(
+        entry, where,
+        {"material", "emitter", "interior", "exterior", "visible_to_camera", "holdout", "shadow_catcher"});
 }
 
 void check_size(const Shape &shape, const std::string &where) {

@@ -23,6 +23,7 @@ GroupedLight read_light(const Dict &entry, const SceneParts &parts, const std::s
 // An index into a list of `count` entries, or -1.
 std::int32_t read_id(const Dict &entry, const char *key, std::size_t count, const std::string &where);
 ShapeSlot read_slot(const Dict &entry, const SceneParts &parts, const std::string &where);
+Compositing read_compositing(const Dict &entry, const std::string &where);
 Shape read_shape(const Dict &entry, const std::string &where);
 // Refuses shapes of a size that rays cannot be traced in.
 void check_size(const Shape &shape, const std::string &where);

@@ -27,4 +27,8 @@ struct RenderableScene {
     }
 };
 
+// If the scene has shadow catchers, adds to each alpha channel those from which its shadows follow: its label
+// with ".catcher", ".shadowed" and ".unshadowed". Removes them if it has none.
+void match_channels(RenderableScene &scene);
+
 } // namespace lajolla

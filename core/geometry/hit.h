@@ -76,6 +76,7 @@ struct Hit {
     Float mean_curvature; // from shading normals; positive if convex towards the normal's side
     RayCone<Float> footprint;
     IntOf<Float> shape, primitive;
+    IntOf<Float> instance;           // -1 for none
     IntOf<Float> material, emitter;  // -1 for none
     IntOf<Float> interior, exterior; // media, -1 for none
 
@@ -148,6 +149,7 @@ inline Hit<float> lane_of(const Hit<WideFloat> &hits, int k) {
             {hits.footprint.radius[k], hits.footprint.spread[k]},
             hits.shape[k],
             hits.primitive[k],
+            hits.instance[k],
             hits.material[k],
             hits.emitter[k],
             hits.interior[k],

@@ -7,6 +7,7 @@
 
 #include "base/fields.h"
 #include "base/transform.h"
+#include "geometry/compositing.h"
 #include "geometry/hit.h"
 #include "geometry/shapes.h"
 
@@ -15,7 +16,7 @@ namespace lajolla {
 // Shape ids; the shapes are not part of the scene themselves.
 using Group = std::vector<std::uint32_t>;
 
-struct Instance {
+struct Instance : Compositing {
     static constexpr const char *name = "instance";
     static constexpr const char *doc = "A transformed copy of a group of shapes.";
     std::int32_t group = 0;
@@ -23,8 +24,10 @@ struct Instance {
     Transform to_group;
 
     static constexpr auto fields() {
-        return std::tuple(field("group", &Instance::group, "index of the group").range(0),
-                          field("to_world", &Instance::to_world, "placement of the group in the scene"));
+        return std::tuple_cat(
+            std::tuple(field("group", &Instance::group, "index of the group").range(0),
+                       field("to_world", &Instance::to_world, "placement of the group in the scene")),
+            Compositing::fields());
     }
     static constexpr float largest_entry = 1e12f; // of the transforms: rays in groups must stay finite
     void build();

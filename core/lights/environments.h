@@ -15,15 +15,27 @@
 
 namespace lajolla {
 
-struct ConstantLight {
+// What all of them have.
+struct EnvironmentLight {
+    bool visible_to_camera = true;
+
+    static constexpr auto fields() {
+        return std::tuple(field("visible_to_camera", &EnvironmentLight::visible_to_camera,
+                                "if not, it lights and is reflected, but is no background"));
+    }
+};
+
+struct ConstantLight : EnvironmentLight {
     static constexpr const char *name = "constant";
     static constexpr const char *doc = "A constant environment light.";
     Spectrum radiance{1};
 
     static constexpr auto fields() {
-        return std::tuple(field("radiance", &ConstantLight::radiance, "radiance from every direction")
-                              .range(0)
-                              .unit("W/(m^2 sr)"));
+        return std::tuple_cat(
+            std::tuple(field("radiance", &ConstantLight::radiance, "radiance from every direction")
+                           .range(0)
+                           .unit("W/(m^2 sr)")),
+            EnvironmentLight::fields());
     }
     float power(std::span<const TextureModel>, const BoundingSphere &scene) const {
         return 4 * pi * pi * sqr(scene.radius) * luminance(radiance);
@@ -43,7 +55,7 @@ struct ConstantLight {
     }
 };
 
-struct EnvironmentMap {
+struct EnvironmentMap : EnvironmentLight {
     static constexpr const char *name = "envmap";
     static constexpr const char *doc =
         "Light from all around, from an image in latitude and longitude; +y is up.";
@@ -53,13 +65,15 @@ struct EnvironmentMap {
     Transform to_world;
 
     static constexpr auto fields() {
-        return std::tuple(field("image", &EnvironmentMap::image, "radiance, twice as wide as high"),
-                          field("theta_max", &EnvironmentMap::theta_max,
-                                "angle from +y at which the image ends; beyond it is black")
-                              .range(1, 180)
-                              .unit("degrees"),
-                          field("scale", &EnvironmentMap::scale, "factor on the image").range(0),
-                          field("to_world", &EnvironmentMap::to_world, "orientation in the scene"));
+        return std::tuple_cat(
+            std::tuple(field("image", &EnvironmentMap::image, "radiance, twice as wide as high"),
+                       field("theta_max", &EnvironmentMap::theta_max,
+                             "angle from +y at which the image ends; beyond it is black")
+                           .range(1, 180)
+                           .unit("degrees"),
+                       field("scale", &EnvironmentMap::scale, "factor on the image").range(0),
+                       field("to_world", &EnvironmentMap::to_world, "orientation in the scene")),
+            EnvironmentLight::fields());
     }
     void build();
     float power(std::span<const TextureModel>, const BoundingSphere &scene) const;
@@ -136,7 +150,7 @@ Float EnvironmentMap::pdf_direction(const Vec3<Float> &wi) const {
     return select(sin_theta > 0.0f && square.y <= 1.0f, pdf, Float(0));
 }
 
-struct DistantDisk {
+struct DistantDisk : EnvironmentLight {
     static constexpr const char *name = "distantdisk";
     static constexpr const char *doc =
         "A round light infinitely far away, equally bright all over, such as the sun.";
@@ -145,12 +159,16 @@ struct DistantDisk {
     float angle = 0.5358f;
 
     static constexpr auto fields() {
-        return std::tuple(
-            field("direction", &DistantDisk::direction, "in which the light of its centre travels"),
-            field("irradiance", &DistantDisk::irradiance, "on a surface facing the light")
-                .range(0)
-                .unit("W/m^2"),
-            field("angle", &DistantDisk::angle, "that its diameter covers").range(1e-2, 180).unit("degrees"));
+        return std::tuple_cat(
+            std::tuple(
+                field("direction", &DistantDisk::direction, "in which the light of its centre travels"),
+                field("irradiance", &DistantDisk::irradiance, "on a surface facing the light")
+                    .range(0)
+                    .unit("W/m^2"),
+                field("angle", &DistantDisk::angle, "that its diameter covers")
+                    .range(1e-2, 180)
+                    .unit("degrees")),
+            EnvironmentLight::fields());
     }
     void build();
     float power(std::span<const TextureModel>, const BoundingSphere &scene) const {

@@ -124,8 +124,10 @@ LightPicker::LightPicker(std::span<const Light> lights, std::span<const TextureM
         match(lights[i], [&](const auto &light) {
             powers.push_back(light.power(textures, scene));
             has_delta_lights_ |= IsDeltaLight<std::decay_t<decltype(light)>>;
-            if constexpr (IsEnvironment<std::decay_t<decltype(light)>>)
+            if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) {
                 environments_.push_back(static_cast<std::int32_t>(i));
+                if (light.visible_to_camera) shown_environments_.push_back(static_cast<std::int32_t>(i));
+            }
         });
     // A light whose power overflows must not prevent sampling of the others.
     float strongest = 0;
@@ -307,23 +309,23 @@ Rgb<Float> LightPicker::emitted(const Hit<Float> &hit, const Vec3<Float> &wo) co
 }
 
 template <class Float>
-Rgb<Float> LightPicker::environment(const Vec3<Float> &direction) const {
+Rgb<Float> LightPicker::environment(const Vec3<Float> &direction, bool from_camera) const {
     Rgb<Float> sum(0);
-    for (const std::int32_t index : environments_)
+    for (const std::int32_t index : environments(from_camera))
         match(lights_[static_cast<std::size_t>(index)], [&](const auto &light) {
             if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) sum += light.emitted(direction);
         });
     return sum;
 }
 
-Spectrum LightPicker::share_of(std::int32_t environment_light, const Vec3f &direction) const {
-    const Spectrum all = environment(direction);
+Spectrum LightPicker::share_of(std::int32_t environment_light, const Vec3f &direction,
+                               const Spectrum &sum) const {
     const Spectrum one = match(lights_[static_cast<std::size_t>(environment_light)], [&](const auto &light) {
         if constexpr (IsEnvironment<std::decay_t<decltype(light)>>) return Spectrum(light.emitted(direction));
         else return Spectrum(0);
     });
-    const auto ratio = [](float part, float sum) { return sum > 0 ? part / sum : 0; };
-    return {ratio(one.x, all.x), ratio(one.y, all.y), ratio(one.z, all.z)};
+    const auto ratio = [](float part, float all) { return all > 0 ? part / all : 0; };
+    return {ratio(one.x, sum.x), ratio(one.y, sum.y), ratio(one.z, sum.z)};
 }
 
 // --- both number types -------------------------------------------------------------------------------------
@@ -332,7 +334,7 @@ template DirectSample<float> LightPicker::sample_direct(const Vec3f &, float, co
 template float LightPicker::pdf_hit(const Vec3f &, const Hit<float> &, const Vec3f &) const;
 template float LightPicker::pdf_environment(const Vec3f &) const;
 template Spectrum LightPicker::emitted(const Hit<float> &, const Vec3f &) const;
-template Spectrum LightPicker::environment(const Vec3f &) const;
+template Spectrum LightPicker::environment(const Vec3f &, bool) const;
 
 template DirectSample<WideFloat> LightPicker::sample_direct(const Vec3<WideFloat> &, WideFloat,
                                                             const Vec2<WideFloat> &) const;
@@ -340,6 +342,6 @@ template WideFloat LightPicker::pdf_hit(const Vec3<WideFloat> &, const Hit<WideF
                                         const Vec3<WideFloat> &) const;
 template WideFloat LightPicker::pdf_environment(const Vec3<WideFloat> &) const;
 template Rgb<WideFloat> LightPicker::emitted(const Hit<WideFloat> &, const Vec3<WideFloat> &) const;
-template Rgb<WideFloat> LightPicker::environment(const Vec3<WideFloat> &) const;
+template Rgb<WideFloat> LightPicker::environment(const Vec3<WideFloat> &, bool) const;
 
 } // namespace lajolla

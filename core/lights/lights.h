@@ -77,6 +77,9 @@ public:
     bool empty() const { return !(picks_.sum() > 0); }
     // Whether there is an environment light.
     bool has_environment() const { return !environments_.empty(); }
+    // Whether the camera sees any, or does not see some.
+    bool shows_environment() const { return !shown_environments_.empty(); }
+    bool hides_environments() const { return shown_environments_.size() < environments_.size(); }
     // Whether some light can only be sampled, because no ray can hit it.
     bool has_delta_lights() const { return has_delta_lights_; }
     // `u_pick` selects the light and a part of it; densities include the probability of this selection.
@@ -92,12 +95,14 @@ public:
         return environments_.empty() ? -1 : static_cast<std::int32_t>(environments_.front());
     }
     // Calls f(light, share) for the lights whose radiance is that of a light in a direction: environment
-    // lights are added up, and share it.
+    // lights are added up, and share it. If the radiance is that of a camera ray, they are those that the
+    // camera sees.
     template <class F>
-    void for_each_share(std::int32_t light, const Vec3f &direction, F &&f) const {
+    void for_each_share(std::int32_t light, const Vec3f &direction, bool from_camera, F &&f) const {
         if (environments_.size() < 2 || std::ranges::find(environments_, light) == environments_.end())
             return f(light, Spectrum(1));
-        for (const std::int32_t index : environments_) f(index, share_of(index, direction));
+        const Spectrum sum = environment(direction, from_camera);
+        for (const std::int32_t index : environments(from_camera)) f(index, share_of(index, direction, sum));
     }
     // Density of sampling a hit on a light, or a direction that leaves the scene, from p; 0 for hits on other
     // shapes.
@@ -109,10 +114,13 @@ public:
     template <class Float>
     Rgb<Float> emitted(const Hit<Float> &hit, const Vec3<Float> &wo) const;
     template <class Float>
-    Rgb<Float> environment(const Vec3<Float> &direction) const;
+    Rgb<Float> environment(const Vec3<Float> &direction, bool from_camera = false) const;
 
 private:
-    Spectrum share_of(std::int32_t environment, const Vec3f &direction) const;
+    const std::vector<std::int32_t> &environments(bool from_camera) const {
+        return from_camera ? shown_environments_ : environments_;
+    }
+    Spectrum share_of(std::int32_t environment, const Vec3f &direction, const Spectrum &sum) const;
     void add_record(const AreaLight &light, LightRecord<float> &record);
     template <class Float>
     DirectSample<Float> sample_primitive(const LightRecord<Float> &light, const Vec3<Float> &p,
@@ -120,7 +128,7 @@ private:
 
     std::span<const Light> lights_;
     std::span<const TextureModel> textures_;
-    std::vector<std::int32_t> environments_;
+    std::vector<std::int32_t> environments_, shown_environments_; // all, and those that the camera sees
     bool has_delta_lights_ = false;
     Distribution picks_;
     std::vector<LightRecord<float>> records_; // one for each light

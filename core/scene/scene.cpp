@@ -1,5 +1,6 @@
 #include "scene/scene.h"
 
+#include <algorithm>
 #include <bit>
 
 namespace lajolla {
@@ -116,6 +117,12 @@ Scene::Scene(SceneParts parts, const Scene *before) : parts_(std::move(parts)), 
                                                before ? before->accel_.get() : nullptr);
         bounding_sphere_ = sphere_around(parts_);
     }
+    const auto note_role = [&](const Compositing &each) {
+        has_camera_roles_ |= each.role() != CameraRole::object;
+        has_catchers_ |= each.role() == CameraRole::catcher;
+    };
+    std::ranges::for_each(parts_.compositing, note_role);
+    std::ranges::for_each(parts_.instances, note_role);
     const CameraFit fit{parts_.film.aspect(), static_cast<float>(parts_.film.width), bounding_sphere_};
     match(parts_.camera, [&](auto &camera) {
         camera.build(fit);
@@ -132,6 +139,7 @@ Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const RayCone<
     hit.footprint = cone.at(found.distance);
     hit.shape = static_cast<std::int32_t>(found.shape);
     hit.primitive = static_cast<std::int32_t>(found.primitive);
+    hit.instance = static_cast<std::int32_t>(found.instance);
     const ShapeSlot &slot = parts_.slots[found.shape];
     hit.material = slot.material;
     hit.emitter = slot.emitter;
@@ -166,6 +174,7 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     result.footprint = cones.at(hits.distance);
     result.shape = hits.shape;
     result.primitive = hits.primitive;
+    result.instance = hits.instance;
     const auto slots = load_rows([&](int k) {
         return reinterpret_cast<const float *>(&parts_.slots[static_cast<std::size_t>(hits.shape[k])]);
     });

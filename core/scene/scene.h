@@ -10,6 +10,7 @@
 
 #include "accel/accel.h"
 #include "base/shared_vector.h"
+#include "geometry/compositing.h"
 #include "geometry/instance.h"
 #include "geometry/shapes.h"
 #include "lights/lights.h"
@@ -36,7 +37,8 @@ struct SceneParts {
     SharedVector<Light> lights;
     SharedVector<std::int32_t> light_groups; // of each light, from 1; 0 for none
     SharedVector<Shape> shapes;
-    SharedVector<ShapeSlot> slots; // one per shape
+    SharedVector<ShapeSlot> slots;         // one per shape
+    SharedVector<Compositing> compositing; // one per shape
     SharedVector<Group> groups;
     SharedVector<Instance> instances;
     std::shared_ptr<const Media> media = std::make_shared<const Media>();
@@ -86,6 +88,24 @@ public:
     template <class Float>
     CameraRay<Float> camera_ray(const Vec2<Float> &film, const Vec2<Float> &lens) const {
         return match(parts_.camera, [&](const auto &camera) { return camera.generate(film, lens); });
+    }
+
+    // Whether the camera sees any shape as anything but an object.
+    bool has_camera_roles() const { return has_camera_roles_; }
+    // What a camera ray sees in a shape; lights are nothing to integrators that hide them.
+    CameraRole camera_role(std::int32_t shape, std::int32_t instance, bool hide_emitters) const {
+        const auto index = static_cast<std::size_t>(shape);
+        if (hide_emitters && parts_.slots[index].emitter >= 0) return CameraRole::nothing;
+        if (!has_camera_roles_) return CameraRole::object;
+        const CameraRole own = parts_.compositing[index].role();
+        return instance < 0 ? own
+                            : std::max(own, parts_.instances[static_cast<std::size_t>(instance)].role());
+    }
+
+    bool has_catchers() const { return has_catchers_; }
+    // Whether a surface belongs to the place of the photograph that catchers stand for: catchers and lights.
+    bool is_in_photograph(const Hit<float> &hit) const {
+        return hit.emitter >= 0 || camera_role(hit.shape, hit.instance, false) == CameraRole::catcher;
     }
 
     // Everything about a hit that the ray tracer found.
@@ -205,7 +225,7 @@ private:
     std::shared_ptr<const Accel> accel_;
     std::shared_ptr<const LightPicker> picker_;
     FilterSampler filter_;
-    bool reads_footprints_ = false, has_blends_ = false;
+    bool reads_footprints_ = false, has_blends_ = false, has_camera_roles_ = false, has_catchers_ = false;
     Transform to_camera_;
     BoundingSphere bounding_sphere_;
 };

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "transport/coverage.h"
+#include "transport/shadow_catcher.h"
 
 namespace lajolla {
 
@@ -25,7 +25,22 @@ float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sam
                                 model.medium(scene, primary.camera(), sampler));
         if constexpr (requires { model.hide_emitters; })
             return coverage(scene, tracer, primary, model.hide_emitters, Vacuum());
-        else return primary.found() ? 1.0f : 0.0f;
+        else return seen_object(scene, tracer, primary, first_surface) ? 1.0f : 0.0f;
+    });
+}
+
+CaughtLight caught_light(const Scene &scene, const Integrator &integrator, const Sampler &sampler,
+                         PrimaryRay &primary, Tracer &tracer) {
+    return match(integrator, [&](const auto &model) {
+        if constexpr (requires { model.medium(scene, primary.camera(), sampler); })
+            if (!scene.media().empty())
+                return caught_light(scene, tracer, sampler, primary, model.hide_emitters,
+                                    model.medium(scene, primary.camera(), sampler));
+        if constexpr (requires { model.caught_light(scene, tracer, sampler, primary); })
+            return model.caught_light(scene, tracer, sampler, primary);
+        else if constexpr (requires { model.hide_emitters; })
+            return caught_light(scene, tracer, sampler, primary, model.hide_emitters, Vacuum());
+        else return CaughtLight{};
     });
 }
 
@@ -40,16 +55,31 @@ std::span<const float> ChannelRecorder::record(const Scene &scene, const Sampler
         colours_[i + 1] = match(output_.others[i], [&](const auto &model) {
             return model.radiance(scene, tracer, sampler, primary);
         });
+    std::ranges::fill(caught_, std::nullopt);
     for (std::size_t i = 0; i < values_.size(); ++i) {
         const Channel &channel = output_.channels[i];
-        const float value = channel.recorded == Recorded::alpha
-                                ? alpha(scene, integrator(channel), sampler, primary, tracer)
-                                : colour_value(channel, groups);
+        const float value = value_of(channel, scene, sampler, primary, groups, tracer);
         // A square that a float cannot hold must not make the sample count as black.
         const float square = std::min(sqr(value), std::numeric_limits<float>::max() / 16);
         values_[i] = !channel.squared ? value : square * (channel.weighted ? weight : 1);
     }
     return values_;
+}
+
+float ChannelRecorder::value_of(const Channel &channel, const Scene &scene, const Sampler &sampler,
+                                PrimaryRay &primary, std::span<const Spectrum> groups, Tracer &tracer) {
+    const auto caught = [&]() -> const CaughtLight & {
+        auto &known = caught_[static_cast<std::size_t>(channel.source)];
+        if (!known) known = caught_light(scene, integrator(channel), sampler, primary, tracer);
+        return *known;
+    };
+    switch (channel.recorded) {
+    case Recorded::alpha: return alpha(scene, integrator(channel), sampler, primary, tracer);
+    case Recorded::catcher: return caught().seen ? 1.0f : 0.0f;
+    case Recorded::shadowed: return caught().shadowed;
+    case Recorded::unshadowed: return caught().unshadowed;
+    default: return colour_value(channel, groups);
+    }
 }
 
 const Integrator &ChannelRecorder::integrator(const Channel &channel) const {

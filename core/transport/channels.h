@@ -20,8 +20,18 @@ namespace lajolla {
 using Integrator = std::variant<Path, VolPath, Direct, AmbientOcclusion, FirstHit, Features>;
 
 // The value that a channel beside red, green and blue records for each sample.
-enum class Recorded { rgb, xyz, alpha, one };
-constexpr auto choices(Recorded) { return std::array{"rgb", "xyz", "alpha", "one"}; }
+enum class Recorded {
+    rgb,
+    xyz,
+    alpha, // without the shadows on catchers, which follow from the next three
+    catcher,
+    shadowed,
+    unshadowed,
+    one
+};
+constexpr auto choices(Recorded) {
+    return std::array{"rgb", "xyz", "alpha", "catcher", "shadowed", "unshadowed", "one"};
+}
 
 struct Channel {
     std::string label;
@@ -38,7 +48,8 @@ struct Channel {
         return std::tuple(
             field("label", &Channel::label, "its name in a file"),
             field("source", &Channel::source, "0 is the picture's integrator").range(0),
-            field("recorded", &Channel::recorded, "`one` is 1 everywhere"),
+            field("recorded", &Channel::recorded,
+                  "`catcher` is 1 where the camera sees a shadow catcher, `one` everywhere"),
             field("component", &Channel::component, "of rgb or xyz").range(0, 2),
             field("squared", &Channel::squared, "squares each sample, for second moments"),
             field("weighted", &Channel::weighted,
@@ -66,7 +77,8 @@ struct Output {
 class ChannelRecorder {
 public:
     explicit ChannelRecorder(const Output &output)
-        : output_(output), colours_(1 + output.others.size()), values_(output.channels.size()) {}
+        : output_(output), colours_(1 + output.others.size()), caught_(1 + output.others.size()),
+          values_(output.channels.size()) {}
 
     // `picture` is the radiance that the picture's integrator has found along the camera ray, `weight` the
     // filter's, by which the caller multiplies the result. `groups` is the picture's radiance by light
@@ -77,10 +89,13 @@ public:
 
 private:
     const Integrator &integrator(const Channel &channel) const;
+    float value_of(const Channel &channel, const Scene &scene, const Sampler &sampler, PrimaryRay &primary,
+                   std::span<const Spectrum> groups, Tracer &tracer);
     float colour_value(const Channel &channel, std::span<const Spectrum> groups) const;
 
     const Output &output_;
-    std::vector<Spectrum> colours_; // of every integrator
+    std::vector<Spectrum> colours_;                  // of every integrator
+    std::vector<std::optional<CaughtLight>> caught_; // the same
     std::vector<float> values_;
 };
 

@@ -9,38 +9,54 @@ namespace lajolla {
 // the scene.
 struct Seen {
     std::optional<SeenSurface> surface;
+    CameraRole role = CameraRole::object; // of the surface
     bool collision = false;
+
+    // The surface, if it is not a hole.
+    std::optional<SeenSurface> object() const { return role == CameraRole::object ? surface : std::nullopt; }
 };
 
 // Follows a camera ray, which `found` its first hit, to where it scatters or hits a light that is not hidden.
 // Surfaces that it passes straight through do not count. Random numbers and `medium`, in its initial state,
-// are those of the path.
+// are those of the path; in the end, `medium` is where the ray ends.
 template <class Medium>
 Seen look(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera, std::optional<RayHit> found,
-          bool hide_emitters, Medium medium, const HitNeeds &needs) {
+          const Sight &sight, Medium &&medium, const HitNeeds &needs) {
     PathState<float> path = Path::start(camera);
     while (path.null_transmissions <= max_null_transmissions) {
-        if (medium.fly(scene, path.ray, found, path.u_event).collision) return {{}, true};
+        if (medium.fly(scene, path.ray, found, path.u_event).collision) return {{}, {}, true};
         if (!found) break;
         Hit<float> hit = scene.hit(path.ray, *found, path.cone, needs);
-        const bool shines = hit.emitter >= 0, passed = path.null_transmissions > 0;
-        if ((shines && !hide_emitters) || !Path::passes_through(scene, hit, shines, path, medium)) {
+        const CameraRole role = scene.camera_role(hit.shape, hit.instance, sight.through_lights);
+        const bool hidden = role == CameraRole::nothing, passed = path.null_transmissions > 0;
+        const bool stops = !hidden && (!sight.through_surfaces || Path::shines(hit, role));
+        if (stops || !Path::passes_through(scene, hit, hidden, path, medium)) {
             if (passed) hit.distance = length(hit.position - camera.ray.origin);
-            return {SeenSurface{*found, hit, path.u_event}};
+            return {SeenSurface{*found, hit, path.u_event}, role};
         }
         found = tracer.closest(path.ray);
     }
     return {};
 }
 
+// The object that a camera ray ends at, shared by all that ask for it with the same sight.
+inline const std::optional<SeenSurface> &seen_object(const Scene &scene, Tracer &tracer, PrimaryRay &primary,
+                                                     const Sight &sight) {
+    return primary.seen(sight, [&] {
+        return look(scene, tracer, primary.camera(), primary.found(), sight, Vacuum(), HitNeeds{}).object();
+    });
+}
+
 // Alpha as in Mitsuba 3: 1 if a camera ray scatters or hits a light that is not hidden, 0 if it leaves the
-// scene.
+// scene without seeing environment light; and 0 in holes.
 template <class Medium>
 float coverage(const Scene &scene, Tracer &tracer, PrimaryRay &primary, bool hide_emitters, Medium medium) {
-    if (!hide_emitters && scene.lights().has_environment()) return 1;
+    const bool backdrop = !hide_emitters && scene.lights().shows_environment();
+    if (backdrop && !scene.has_camera_roles()) return 1;
     const Seen seen =
-        look(scene, tracer, primary.camera(), primary.found(), hide_emitters, medium, scene.needs());
-    return seen.surface || seen.collision ? 1.0f : 0.0f;
+        look(scene, tracer, primary.camera(), primary.found(), {hide_emitters}, medium, scene.needs());
+    const bool covered = seen.surface ? seen.role == CameraRole::object : seen.collision || backdrop;
+    return covered ? 1.0f : 0.0f;
 }
 
 } // namespace lajolla

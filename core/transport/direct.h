@@ -62,7 +62,7 @@ void Direct::follow(const Scene &scene, Tracer &tracer, std::optional<RayHit> fo
         const Hit<float> hit = scene.hit(walk.path.ray, *found, walk.path.cone, scene.needs());
         const Path::Outcome outcome = path_.meet(scene, hit, walk);
         if (outcome == Path::Outcome::stopped) return scatter_at(hit);
-        if (outcome == Path::Outcome::ended) return;
+        if (outcome != Path::Outcome::passed) return;
     }
     path_.leave_scene(scene, walk);
 }

@@ -104,6 +104,10 @@ Spectrum Features::trace(const Scene &scene, Tracer &tracer, const Sampler &samp
             flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.cone, scene.needs());
         const Path::Outcome outcome = path_.meet(scene, hit, walk);
         if (outcome == Path::Outcome::passed) continue;
+        if (outcome == Path::Outcome::hole || outcome == Path::Outcome::catcher) {
+            path.throughput = Spectrum(0);
+            return value(walk, Vec3f(0));
+        }
         const Vec3f wo = -path.ray.direction;
         const float u_event = path.u_event; // selects the leaf of a blend
         if (outcome == Path::Outcome::ended || !follows(scene, sampler, hit, walk))

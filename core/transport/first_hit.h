@@ -6,7 +6,6 @@
 #include "base/sampler.h"
 #include "scene/scene.h"
 #include "transport/coverage.h"
-#include "transport/primary_ray.h"
 
 namespace lajolla {
 
@@ -56,16 +55,9 @@ struct FirstHit {
     }
 
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &, PrimaryRay &primary) const {
-        const CameraRay<float> &camera = primary.camera();
-        if (see_through && (through_lights || scene.has_null_transmission())) {
-            const auto &seen = primary.seen(through_lights, [&] {
-                return look(scene, tracer, camera, primary.found(), through_lights, Vacuum(), HitNeeds{})
-                    .surface;
-            });
-            return seen ? value(scene, camera, seen->hit, seen->u_event) : undefined;
-        }
-        const auto &hit = primary.hit();
-        return hit ? value(scene, camera, *hit, camera.u_event) : undefined;
+        const Sight sight = see_through ? Sight{through_lights, true} : first_surface;
+        const auto &seen = seen_object(scene, tracer, primary, sight);
+        return seen ? value(scene, primary.camera(), seen->hit, seen->u_event) : undefined;
     }
 
 private:

@@ -18,12 +18,14 @@ public:
     explicit operator bool() const { return scene_ != nullptr; }
     // Adds light from a light, -1 for the emission of media, that arrives from a direction: towards the
     // light.
-    void add(std::int32_t light, const Vec3f &direction, const Spectrum &value) const {
+    void add(std::int32_t light, const Vec3f &direction, const Spectrum &value,
+             bool from_camera = false) const {
         if (!scene_) return;
         const Spectrum seen = factor_ * value;
-        scene_->lights().for_each_share(light, direction, [&](std::int32_t one, const Spectrum &share) {
+        const auto add_share = [&](std::int32_t one, const Spectrum &share) {
             sums_[static_cast<std::size_t>(scene_->light_group(one))] += share * seen;
-        });
+        };
+        scene_->lights().for_each_share(light, direction, from_camera, add_share);
     }
     // Adds light of a sample of a light that was selected with this random number.
     void add_picked(float u_pick, const Vec3f &direction, const Spectrum &value) const {

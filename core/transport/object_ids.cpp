@@ -30,7 +30,7 @@ class Looker {
 public:
     Looker(const Scene &scene, const Integrator &picture)
         : scene_(scene), tracer_(scene.accel()), hide_emitters_(hides_emitters(picture)),
-          sees_through_(hide_emitters_ || scene.has_null_transmission()) {}
+          sees_through_(hide_emitters_ || scene.has_null_transmission() || scene.has_camera_roles()) {}
 
     const Scene &scene() const { return scene_; }
     Tracer &tracer() { return tracer_; }
@@ -39,7 +39,7 @@ public:
     ObjectIds ids(std::optional<RayHit> found, F &&camera) {
         if (found && sees_through_) {
             const auto seen =
-                look(scene_, tracer_, camera(), found, hide_emitters_, Vacuum(), scene_.needs()).surface;
+                look(scene_, tracer_, camera(), found, {hide_emitters_}, Vacuum(), scene_.needs()).object();
             found = seen ? std::optional(seen->found) : std::nullopt;
         }
         return found ? ids_of(scene_, *found) : ObjectIds{};

@@ -57,6 +57,8 @@ struct PathState {
     IntOf<Float> depth = 1;              // segments so far
     IntOf<Float> block = 1;              // of the sampler's numbers
     IntOf<Float> null_transmissions = 0; // number of surfaces that the path passed straight through
+
+    BoolOf<Float> is_camera_ray() const { return depth == 1; }
 };
 
 struct Path {
@@ -103,11 +105,16 @@ struct Path {
     }
     // The same for environment light, for a ray without a hit.
     template <class Float>
-    Rgb<Float> environment(const Scene &scene, const PathState<Float> &path) const {
-        const Rgb<Float> radiance = scene.lights().environment(path.ray.direction);
+    Rgb<Float> environment(const Scene &scene, const PathState<Float> &path, bool from_camera = false) const {
+        const Rgb<Float> radiance = scene.lights().environment(path.ray.direction, from_camera);
         Float light_pdf = 0;
         if (!all(path.delta)) light_pdf = scene.lights().pdf_environment(path.ray.direction);
         return radiance * weight_of_hit(path, light_pdf);
+    }
+
+    // Whether a hit shows the light of an emitter: the camera sees none in holes.
+    static bool shines(const Hit<float> &hit, CameraRole seen) {
+        return hit.emitter >= 0 && seen == CameraRole::object;
     }
 
     // Whether light samples can contribute to a path.
@@ -188,11 +195,20 @@ struct Path {
         Medium medium;
         Spectrum radiance{0};
         LightGroups groups{};
+        // Whether its last vertex is on a shadow catcher that the camera sees. Of the light there, that which
+        // objects have scattered counts: the rest is in the photograph, or in alpha (shadow_catcher.h).
+        bool from_catcher = false;
+
+        // What it sees in a hit.
+        CameraRole role(const Scene &scene, const Hit<float> &hit, bool hide_emitters) const {
+            if (path.is_camera_ray()) return scene.camera_role(hit.shape, hit.instance, hide_emitters);
+            return from_catcher && scene.is_in_photograph(hit) ? CameraRole::hole : CameraRole::object;
+        }
 
         // Adds light that is emitted by a light, or by a medium (-1), towards the path.
         void add(std::int32_t light, const Spectrum &value) {
             radiance += value;
-            groups.add(light, path.ray.direction, value);
+            groups.add(light, path.ray.direction, value, path.is_camera_ray());
         }
     };
     // Follows a path along its ray to its hit, and continues it; returns false if it ends.
@@ -204,7 +220,7 @@ struct Path {
     static Flight cross_medium(const Scene &scene, const std::optional<RayHit> &found, Walk<InMedia> &walk);
 
     // Processes the surface that a path hit, and adds its emission.
-    enum class Outcome { passed, stopped, ended };
+    enum class Outcome { passed, stopped, ended, hole, catcher };
     template <class Medium>
     Outcome meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const;
     // Adds environment light for a ray without a hit.
@@ -325,6 +341,7 @@ inline void Path::scatter_in_medium(const Scene &scene, Tracer &tracer, const Sa
     path.delta = false;
     path.ray = {vertex.point, scattered.wi};
     ++path.depth;
+    walk.from_catcher = false;
     path.null_transmissions = 0;
 }
 
@@ -335,7 +352,7 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
     const Vec3f wo = -path.ray.direction;
     const AnySurface surface = scene.surface(hit, wo, path.u_event);
     scene.for_each_surface(hit, wo, surface, [&](const AnySurface &each, float share) {
-        if (!each.black && !each.delta)
+        if (!each.black && !each.delta && !walk.from_catcher)
             walk.radiance +=
                 path.throughput * share *
                 direct_light(scene, tracer, SurfaceVertex{hit, each}, u,
@@ -354,16 +371,21 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
 template <class Medium>
 Path::Outcome Path::meet(const Scene &scene, const Hit<float> &hit, Walk<Medium> &walk) const {
     PathState<float> &path = walk.path;
-    const bool hidden = hide_emitters && path.depth == 1 && hit.emitter >= 0;
-    if (hit.emitter >= 0 && !hidden) walk.add(hit.emitter, path.throughput * emitted(scene, path, hit));
-    if (!passes_through(scene, hit, hidden, path, walk.medium)) return Outcome::stopped;
+    const CameraRole seen = walk.role(scene, hit, hide_emitters);
+    if (shines(hit, seen)) walk.add(hit.emitter, path.throughput * emitted(scene, path, hit));
+    if (!passes_through(scene, hit, seen == CameraRole::nothing, path, walk.medium))
+        return seen == CameraRole::hole      ? Outcome::hole
+               : seen == CameraRole::catcher ? Outcome::catcher
+                                             : Outcome::stopped;
     return path.null_transmissions > max_null_transmissions ? Outcome::ended : Outcome::passed;
 }
 
 template <class Medium>
 void Path::leave_scene(const Scene &scene, Walk<Medium> &walk) const {
-    if (scene.lights().has_environment() && (walk.path.depth > 1 || !hide_emitters))
-        walk.add(scene.lights().environment_light(), walk.path.throughput * environment(scene, walk.path));
+    const bool from_camera = walk.path.is_camera_ray();
+    if (scene.lights().has_environment() && !(from_camera && hide_emitters) && !walk.from_catcher)
+        walk.add(scene.lights().environment_light(),
+                 walk.path.throughput * environment(scene, walk.path, from_camera));
 }
 
 template <class Medium>
@@ -388,7 +410,8 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
     const Hit<float> hit =
         flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.cone, scene.needs());
     const Outcome outcome = meet(scene, hit, walk);
-    if (outcome != Outcome::stopped) return outcome == Outcome::passed;
+    walk.from_catcher = outcome == Outcome::catcher || (walk.from_catcher && outcome == Outcome::passed);
+    if (outcome != Outcome::stopped && outcome != Outcome::catcher) return outcome == Outcome::passed;
     if (path.depth == max_depth || !surfaces_scatter) return false;
     if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return false;
     if (!is_finite(path.throughput)) [[unlikely]] {

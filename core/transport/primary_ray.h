@@ -42,12 +42,18 @@ struct SeenSurface {
     float u_event;  // the random number that is left for selecting a leaf of a blend
 };
 
+// What a camera ray passes through, beside shapes that are not visible to the camera.
+struct Sight {
+    bool through_lights = false;
+    bool through_surfaces = true; // that let light pass straight through
+};
+inline constexpr Sight first_surface{false, false};
+
 // A camera ray and its first hit, which is computed on first use and shared by all channels of a sample.
 // Keeps a reference to the ray.
 class PrimaryRay {
 public:
-    PrimaryRay(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera)
-        : scene_(scene), tracer_(tracer), camera_(camera) {}
+    PrimaryRay(Tracer &tracer, const CameraRay<float> &camera) : tracer_(tracer), camera_(camera) {}
 
     const CameraRay<float> &camera() const { return camera_; }
     const std::optional<RayHit> &found() {
@@ -55,28 +61,20 @@ public:
         traced_ = true;
         return found_;
     }
-    // The first hit with all its properties.
-    const std::optional<Hit<float>> &hit() {
-        if (!hit_ && found()) hit_.emplace(scene_.hit(camera_.ray, *found_, camera_.cone));
-        return hit_;
-    }
-
-    // The surface that it ends at, found by `find` on first use.
+    // The object that it ends at, found by `find` on first use.
     template <class F>
-    const std::optional<SeenSurface> &seen(bool through_lights, F &&find) {
-        auto &known = seen_[through_lights];
+    const std::optional<SeenSurface> &seen(const Sight &sight, F &&find) {
+        auto &known = seen_[2 * sight.through_lights + sight.through_surfaces];
         if (!known) known.emplace(find());
         return *known;
     }
 
 private:
-    const Scene &scene_;
     Tracer &tracer_;
     const CameraRay<float> &camera_;
     bool traced_ = false;
     std::optional<RayHit> found_;
-    std::optional<Hit<float>> hit_;
-    std::array<std::optional<std::optional<SeenSurface>>, 2> seen_; // not through lights, and through them
+    std::array<std::optional<std::optional<SeenSurface>>, 4> seen_; // for each Sight
 };
 
 } // namespace lajolla

@@ -31,22 +31,26 @@ bool pass(const Scene &scene, const Hit<float> &hit, const DirectSample<float> &
     return true;
 }
 
+inline constexpr auto no_surface = [](const Hit<float> &) { return false; };
+
 // The transmittance of a shadow ray to a sampled light, starting with its first hit `found`; nullopt if an
-// opaque surface is in between. `error` is the position error of the vertex: each part of the ray ends before
-// the light by at least this.
-template <class Medium>
+// opaque surface is in between, of those that are not ignored. `error` is the position error of the vertex:
+// each part of the ray ends before the light by at least this.
+template <class Medium, class Ignored = decltype(no_surface)>
 std::optional<typename Medium::Transmittance>
 transmittance(const Scene &scene, Tracer &tracer, Ray<float> ray, std::optional<RayHit> found, float error,
-              const DirectSample<float> &light, Medium medium, typename Medium::Transmittance result = {}) {
+              const DirectSample<float> &light, Medium medium, typename Medium::Transmittance result = {},
+              Ignored ignored = no_surface) {
     const auto attenuate = [&](float t) {
         medium.attenuate(scene, {ray.origin, light.wi, 0, t * length(ray.direction)}, result);
     };
     for (int passed = 0; found; ++passed) {
         if (passed == max_null_transmissions) return std::nullopt;
         const Hit<float> hit = scene.hit(ray, *found, {}, scene.needs());
-        if (!pass(
-                scene, hit, light, [&] { attenuate(found->distance); }, medium, result))
-            return std::nullopt;
+        const bool passes =
+            ignored(hit) || pass(
+                                scene, hit, light, [&] { attenuate(found->distance); }, medium, result);
+        if (!passes) return std::nullopt;
         ray = shadow_ray(leave(hit, light.wi), error, light);
         if (dot(ray.direction, light.wi) <= 0) return result;
         found = tracer.closest(ray);

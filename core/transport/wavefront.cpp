@@ -238,20 +238,28 @@ void Wavefront::trace(Tracer &tracer) {
     }
 }
 
+// Whether a camera ray has not met an ordinary object, nor all of the environment.
+bool Wavefront::needs_care(std::size_t path) const {
+    if (as_int(paths_[path].rows[5][0]) != 1) return false;
+    if (shapes_[path] < 0) return scene_.lights().hides_environments();
+    return scene_.camera_role(shapes_[path], instances_[path], integrator_.hide_emitters) !=
+           CameraRole::object;
+}
+
 // A counting sort; groups come in the order in which paths first meet them.
 void Wavefront::sort() {
-    const auto group_of = [&](std::int32_t shape) {
-        if (shape < 0) return missed;
-        const auto index = static_cast<std::size_t>(shape);
-        const bool hidden = integrator_.hide_emitters && scene_.parts().slots[index].emitter >= 0;
-        return hidden ? one_by_one : group_of_shape_[index];
+    const bool careful =
+        scene_.has_camera_roles() || integrator_.hide_emitters || scene_.lights().hides_environments();
+    const auto group_of = [&](std::size_t path) {
+        if (careful && needs_care(path)) return one_by_one;
+        return shapes_[path] < 0 ? missed : group_of_shape_[static_cast<std::size_t>(shapes_[path])];
     };
     const auto size_of = [&](std::int32_t group) -> std::uint32_t & {
         return group_sizes_[static_cast<std::size_t>(group - one_by_one)];
     };
     groups_.clear();
     for (std::size_t i = 0; i < count_; ++i) {
-        const std::int32_t group = group_of_path_[i] = group_of(shapes_[i]);
+        const std::int32_t group = group_of_path_[i] = group_of(i);
         if (size_of(group)++ == 0) groups_.push_back({group, 0, 0});
     }
     std::uint32_t first = 0;
@@ -329,13 +337,17 @@ void Wavefront::follow_one_by_one(std::span<const std::int32_t> paths, Tracer &t
         Path::Walk<Vacuum> walk{one(paths_[i]), Vacuum(), radiance_[sample],
                                 light_groups(static_cast<std::int32_t>(sample))};
         const Sampler &sampler = samplers_[sample];
-        const RayHit found{hits_[i].distance,
-                           hits_[i].b1,
-                           hits_[i].b2,
-                           static_cast<std::uint32_t>(shapes_[i]),
-                           static_cast<std::uint32_t>(hits_[i].primitive),
-                           static_cast<std::uint32_t>(instances_[i])};
-        const bool goes_on = integrator_.step(scene_, tracer, sampler, found, walk);
+        std::optional<RayHit> found;
+        if (shapes_[i] >= 0)
+            found = {hits_[i].distance,
+                     hits_[i].b1,
+                     hits_[i].b2,
+                     static_cast<std::uint32_t>(shapes_[i]),
+                     static_cast<std::uint32_t>(hits_[i].primitive),
+                     static_cast<std::uint32_t>(instances_[i])};
+        bool goes_on = integrator_.step(scene_, tracer, sampler, found, walk);
+        while (goes_on && walk.from_catcher)
+            goes_on = integrator_.step(scene_, tracer, sampler, tracer.closest(walk.path.ray), walk);
         radiance_[sample] = walk.radiance;
         if (goes_on) next_[next_count_++] = stored(walk.path, static_cast<std::int32_t>(sample));
     }

@@ -52,6 +52,7 @@ private:
     // The steps.
     void start(std::span<const SampleId> ids, std::size_t first, std::size_t count, std::span<float> weights);
     void trace(Tracer &tracer);
+    bool needs_care(std::size_t path) const;
     void sort();
     void scatter(const Group &group, Tracer &tracer);
     void trace_shadow_rays(Tracer &tracer);

@@ -273,7 +273,7 @@ def _add_render(parser: Parser) -> None:
     group.add_argument(
         "--denoise",
         action="store_true",
-        help="remove noise with Open Image Denoise (pip install 'lajolla[denoise]'); EXR files keep the "
+        help="remove noise with Open Image Denoise (the package pyoidn); EXR files keep the "
         "noisy picture as a layer",
     )
     group = _add_series(parser)

@@ -7,6 +7,7 @@ from lajolla.aovs import AOVS
 from lajolla.limits import OptionError
 from lajolla.messages import suggestion
 from lajolla.scene import core_schema, plugins, plugins_by_kind
+from lajolla.scene.schema import INNER_KINDS
 
 Catalog = dict[str, dict[str, Mapping[str, Any]]]
 
@@ -17,8 +18,8 @@ def catalog() -> Catalog:
     Where both have a name, the reader's counts: it is what scene files see.
     """
     merged: Catalog = {
-        kind: dict(models) for kind, models in core_schema().items() if kind != "adapter"
-    }  # adapters are bsdfs in scene files
+        kind: dict(models) for kind, models in core_schema().items() if kind not in INNER_KINDS
+    }
     for kind, models in plugins().items():
         merged.setdefault(kind, {}).update(models)
     emitters = plugins_by_kind()["emitter"].values()  # with their common property

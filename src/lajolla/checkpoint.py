@@ -49,8 +49,10 @@ def identity(rendering: Rendering) -> dict[str, Any]:
     }
     return {
         **sections({**scene, **own}),
-        "version": version("lajolla"),
-        "instruction set": f"{_core.isa} on {processor.level()}",  # Embree chooses its own by the processor
+        "lajolla": {
+            "version": version("lajolla"),
+            "instruction_set": f"{_core.isa} on {processor.level()}",  # Embree chooses by the processor
+        },
     }
 
 

@@ -73,18 +73,20 @@ def command_denoise(arguments: argparse.Namespace) -> int:
     source = sys.stdin.buffer if str(arguments.picture) == "-" else arguments.picture
     picture = lajolla.Image.open(source)
     patience = Patience("the picture")
+    lajolla.outputs.warn_of_unused(outputs, arguments)
     with handled_by(patience):
-        patience.save(_denoise, outputs, picture, arguments)
-    if not arguments.quiet:
-        say(f"wrote {', '.join(str(output) for output in outputs)}")
+        written, failures = patience.save(_denoise, outputs, picture, arguments)
+    if written and (failures or not arguments.quiet):
+        say(f"wrote {', '.join(written)}")
+    lajolla.outputs.raise_last(failures)
     return patience.interrupt.exit_code if patience.interrupt is not None else 0
 
 
 def _denoise(
     outputs: Sequence[lajolla.outputs.Output], picture: lajolla.Image, arguments: argparse.Namespace
-) -> None:
+) -> tuple[list[str], list[Exception]]:
     denoised = picture.denoise(threads=arguments.threads)
-    lajolla.outputs.write_pictures(outputs, denoised, arguments)
+    return lajolla.outputs.write_pictures(outputs, denoised, arguments)
 
 
 def command_convert(arguments: argparse.Namespace) -> int:

@@ -33,7 +33,7 @@ import numpy as np
 from lajolla import _core, processor, units
 from lajolla.adaptive import TILE_SIZE, Counts
 from lajolla.limits import OptionError
-from lajolla.messages import ClusterError, ClusterWarning, names_checked, warn
+from lajolla.messages import ClusterError, ClusterWarning, installing, names_checked, warn
 from lajolla.render import Progress, Rendering, available_threads, unobserved
 from lajolla.units import Plan, Result, Unit
 
@@ -428,25 +428,32 @@ def connected(cluster: str | Client, threads: int | None) -> Iterator[Client]:
     """A client of a scheduler, or of new workers on this machine. Raises ClusterError and OptionError."""
     count = worker_count(cluster) if isinstance(cluster, str) else None
     try:
-        from distributed import Client
+        import distributed
     except ImportError:
-        raise ClusterError(
-            "a cluster needs the package 'distributed': pip install 'lajolla[cluster]'"
-        ) from None
+        raise ClusterError(f"a cluster needs the package distributed: {installing('distributed')}") from None
     if not isinstance(cluster, str):
         yield cluster
     elif count is not None:
         with _workers_here(count, threads or max(1, available_threads() // count)) as client:
             yield client
     else:
-        try:
-            client = Client(cluster, timeout=CONNECT_SECONDS, set_as_default=False)
-        except (OSError, ValueError) as problem:
-            raise ClusterError(f"no scheduler answers at {cluster}: {problem}") from None
-        try:
+        with distributed.utils.silence_logging_cmgr(logging.CRITICAL), _scheduler_at(cluster) as client:
             yield client
-        finally:
-            client.close(timeout=CONNECT_SECONDS)
+
+
+@contextmanager
+def _scheduler_at(address: str) -> Iterator[Client]:
+    """A client of a scheduler. Raises ClusterError."""
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError) as problem:
+        raise ClusterError(f"no scheduler answers at {address}: {problem}") from None
+    try:
+        yield client
+    finally:
+        client.close(timeout=CONNECT_SECONDS)
 
 
 @contextmanager
@@ -466,6 +473,11 @@ def _workers_here(count: int, threads: int) -> Iterator[Client]:
                 dashboard_address=":0",  # any free port
                 silence_logs=logging.CRITICAL,
             )
+        except RuntimeError as problem:
+            raise ClusterError(
+                f"the processes do not start: {problem} They import the script that starts them: "
+                f'in a script, render below if __name__ == "__main__":'
+            ) from None
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, previous)
         with cluster, Client(cluster, set_as_default=False) as client:

@@ -26,8 +26,11 @@ def reported(action: Callable[[], int], missing: str = "nothing was written") ->
             say("error: not enough memory")
         except BrokenPipeError:  # the reader of our output has seen enough, as in `lajolla list | head`
             discard(sys.stdout)
-        except (OSError, lajolla.processor.LevelError) as error:
+        except lajolla.processor.LevelError as error:
             say(f"error: {error}")
+        except OSError as error:
+            file = f"{error.filename}: " if error.filename else ""
+            say(f"error: {file}{error.strerror or error}")
             discard(sys.stdout)
         except KeyboardInterrupt as interrupt:
             say(f"interrupted; {missing}")

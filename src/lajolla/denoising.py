@@ -14,6 +14,7 @@ import numpy as np
 
 from lajolla.colour import FloatImage, luminance
 from lajolla.limits import OptionError
+from lajolla.messages import installing
 from lajolla.picture_files import ImageError
 
 FEATURE_SAMPLES = 16  # per pixel; what is left of their noise is filtered
@@ -154,8 +155,9 @@ def _device(threads: int | None) -> Iterator[Any]:
     try:
         import pyoidn
     except ImportError:
-        install = "pip install 'lajolla[denoise]'"
-        raise DenoiseError(f"denoising needs Open Image Denoise, which is not installed: {install}") from None
+        raise DenoiseError(
+            f"denoising needs Open Image Denoise, which is not installed: {installing('pyoidn')}"
+        ) from None
     try:
         device = pyoidn.Device(pyoidn.OIDN_DEVICE_TYPE_CPU)
     except OSError as problem:  # its library cannot be loaded

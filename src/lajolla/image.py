@@ -20,7 +20,7 @@ from lajolla import denoising
 from lajolla.aovs import VARIANCE
 from lajolla.colour import FloatImage, decode_srgb, encode_srgb, xyz_to_rgb
 from lajolla.film import COMPONENT_FORMATS, PIXEL_FORMATS, Film, matrix_text
-from lajolla.layers import NO_LAYERS, Layer
+from lajolla.layers import NO_LAYERS, Layer, stored_cryptomattes
 from lajolla.limits import COMPRESSIONS, check, check_mapping
 from lajolla.messages import names_checked, shortened, suggestion, warn
 from lajolla.picture_files import (
@@ -29,6 +29,7 @@ from lajolla.picture_files import (
     MissingImageError,
     PictureError,
     channel_names,
+    header_texts,
     opened,
     plain_name,
     reason,
@@ -110,8 +111,8 @@ class Image(Pixelwise):
     def open(source: Source) -> Image:
         """Reads a picture of any format that OpenImageIO knows.
 
-        Colours become linear as in `read`. What else is in the file becomes `channels`. A picture with alpha
-        is saved with it again.
+        Colours become linear as in `read`. What else is in the file becomes `channels`, and Cryptomattes
+        become `layers`. A picture with alpha is saved with it again.
 
         Args:
             source: the path of a file, the bytes of one, or a binary file object.
@@ -119,9 +120,12 @@ class Image(Pixelwise):
         Raises:
             ImageError: it is no picture, or cannot be read.
         """
-        array, channels = _read(source)
+        array, channels, attributes = _read(source)
         film = Film(pixel_format="rgba") if "A" in channels else DEFAULT_FILM
-        return Image(array, channels, film)
+        mattes = stored_cryptomattes(channels, attributes)
+        taken = {name for matte in mattes.values() for name in matte.stored}
+        others = {name: values for name, values in channels.items() if name not in taken}
+        return Image(array, others, film, mattes)
 
     @names_checked
     def save(
@@ -150,7 +154,7 @@ class Image(Pixelwise):
     def denoise(
         self, features: Mapping[str, FloatImage] | None = None, *, threads: int | None = None
     ) -> Image:
-        """The picture without noise, by Intel Open Image Denoise (`pip install 'lajolla[denoise]'`).
+        """The picture without noise, by Intel Open Image Denoise (`pip install pyoidn`).
 
         The result's channels contain this picture too, as "noisy.R", "noisy.G" and "noisy.B", and the
         features, if it has no such layers itself. Alpha and other layers stay as they are.
@@ -301,8 +305,11 @@ def read(source: Source) -> FloatImage:
     return _read(source)[0]
 
 
-def _read(source: Source) -> tuple[FloatImage, dict[str, FloatImage]]:
-    """Linear RGB, and the other channels by their names."""
+Contents: TypeAlias = tuple[FloatImage, dict[str, FloatImage], dict[str, str]]
+
+
+def _read(source: Source) -> Contents:
+    """Linear RGB, the other channels by their names, and the texts in the header."""
     if isinstance(source, str | os.PathLike):
         return _read_file(Path(source), str(source))
     if not isinstance(source, bytes | bytearray | memoryview) and not hasattr(source, "read"):
@@ -318,7 +325,7 @@ def _read(source: Source) -> tuple[FloatImage, dict[str, FloatImage]]:
         return _read_file(path, name if isinstance(name, str) else "picture")
 
 
-def _read_file(path: Path, name: str) -> tuple[FloatImage, dict[str, FloatImage]]:
+def _read_file(path: Path, name: str) -> Contents:
     try:
         if not path.is_file():
             if not path.exists():
@@ -344,7 +351,7 @@ def _read_file(path: Path, name: str) -> tuple[FloatImage, dict[str, FloatImage]
     rgb = _rgb(pixels, names)
     others = {name: pixels[..., i] for i, name in enumerate(names) if name not in COLOURS}
     linear = whole or str(spec.format) in ("half", "float", "double")
-    return np.ascontiguousarray(rgb if linear else decode_srgb(rgb)), others
+    return np.ascontiguousarray(rgb if linear else decode_srgb(rgb)), others, header_texts(spec)
 
 
 COLOURS = ("R", "G", "B", "X", "Y", "Z")

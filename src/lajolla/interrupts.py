@@ -10,7 +10,9 @@ TYPE_CHECKING = False  # as in `lajolla`
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from types import FrameType
-    from typing import Any, NoReturn
+    from typing import Any, NoReturn, TypeVar
+
+    T = TypeVar("T")
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -91,18 +93,20 @@ class Patience:
 
         return observe_or_stop
 
-    def save(self, action: Callable[..., Any], *arguments: Any) -> None:  # noqa: ANN401
-        """Runs a function in another thread, so that this one handles signals during long library calls."""
+    def save(self, action: Callable[..., T], *arguments: Any) -> T:  # noqa: ANN401
+        """Runs a function in another thread, so that this one handles signals during long library calls.
+
+        Returns its result.
+        """
         self.saving = True
         import threading
         from concurrent.futures import Future
 
-        done: Future[None] = Future()
+        done: Future[T] = Future()
 
         def work() -> None:
             try:
-                action(*arguments)
-                done.set_result(None)
+                done.set_result(action(*arguments))
             except BaseException as problem:
                 done.set_exception(problem)
 
@@ -110,4 +114,4 @@ class Patience:
             threading.Thread(target=work).start()
         except RuntimeError:  # not enough memory for another thread
             work()
-        done.result()
+        return done.result()

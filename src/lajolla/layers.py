@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -101,6 +102,43 @@ class Cryptomatte:
         return [number for number in np.unique(self.numbers).tolist() if number > 0]
 
 
+@dataclass(frozen=True)
+class StoredCryptomatte:
+    """A Cryptomatte of a file, by any program, which stays as it is: its channels and attributes by name."""
+
+    stored: Mapping[str, FloatImage]
+    attributes: Mapping[str, str]
+
+    def channels(self, name: str) -> dict[str, FloatImage]:
+        return dict(self.stored)
+
+    def metadata(self, name: str) -> dict[str, str]:
+        return dict(self.attributes)
+
+    def arrays(self, name: str) -> dict[str, NDArray[Any]]:
+        """The channels of each layer together, (height, width, number of channels)."""
+        names = dict.fromkeys(channel.rpartition(".")[0] for channel in self.stored)
+        return {
+            layer: np.dstack([v for k, v in self.stored.items() if k.rpartition(".")[0] == layer])
+            for layer in names
+        }
+
+
+def stored_cryptomattes(
+    channels: Mapping[str, FloatImage], attributes: Mapping[str, str]
+) -> dict[str, StoredCryptomatte]:
+    """The Cryptomattes of a file by their names; those that have no channels are left out."""
+    result = {}
+    for attribute, name in attributes.items():
+        key, _, field = attribute.rpartition("/")
+        part = re.compile(re.escape(name) + r"\d\d\.\w+")
+        own = {channel: values for channel, values in channels.items() if part.fullmatch(channel)}
+        if field == "name" and key.startswith("cryptomatte/") and own:
+            told = {k: v for k, v in attributes.items() if k.startswith(f"{key}/")}
+            result[name] = StoredCryptomatte(own, told)
+    return result
+
+
 def name_hash(name: str) -> int:
     """The 32 bits of the float that stands for a name: no NaN, infinity or denormal number."""
     bits = murmur_hash(name.encode("utf-8", "surrogateescape"))
@@ -128,6 +166,37 @@ def _rotated(bits: int, by: int) -> int:
     return (bits << by | bits >> (32 - by)) & 0xFFFFFFFF
 
 
+# What the core renders beside alpha in scenes with shadow catchers: how much of a pixel they cover, and the
+# light on them with all objects and without.
+SHADOWS = (".catcher", ".shadowed", ".unshadowed")
+
+
+def shown(labels: Sequence[str]) -> list[str]:
+    """The labels of channels that pictures have."""
+    return [label for label in labels if not label.endswith(SHADOWS)]
+
+
+def with_shadows(values: FloatImage, labels: Sequence[str]) -> tuple[FloatImage, list[str]]:
+    """The means of a render with the shadows on catchers in alpha, and the labels of its channels.
+
+    Alpha is 1 - (light with all objects) / (light without them), times how much of the pixel catchers cover.
+
+    Args:
+        values: (height, width, 3 + number of labels).
+        labels: of the channels behind the first three; those of `SHADOWS` come last.
+    """
+    kept = shown(labels)
+    if len(kept) == len(labels):
+        return values, kept
+    result = values[..., : 3 + len(kept)].copy()
+    for index, label in enumerate(kept):
+        if label + SHADOWS[0] in labels:
+            covered, lit, unlit = (values[..., 3 + labels.index(label + name)] for name in SHADOWS)
+            left = np.divide(lit, unlit, out=np.ones_like(lit), where=unlit > 0)
+            result[..., 3 + index] += covered * (1 - np.clip(left, 0, 1))
+    return result, kept
+
+
 def named_channels(
     values: FloatImage, labels: Sequence[str], counts: NDArray[np.uint32]
 ) -> dict[str, FloatImage]:
@@ -138,6 +207,7 @@ def named_channels(
         labels: of the channels behind the first three.
         counts: numbers of samples, (height, width).
     """
+    values, labels = with_shadows(values, labels)
     channels = {label: values[..., 3 + index] for index, label in enumerate(labels)}
     for index, letter in enumerate("RGB"):
         label = f"{VARIANCE}.{letter}"

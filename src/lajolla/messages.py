@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import shlex
 import sys
 import warnings
 from collections.abc import Callable, Collection
@@ -40,6 +41,11 @@ def suggestion(name: str, known: Collection[str]) -> str:
     """'; did you mean ...?' with the most similar name, or the list of known names."""
     near = difflib.get_close_matches(name, known := list(dict.fromkeys(known)), n=1)
     return f"; did you mean {near[0]!r}?" if near else f"; valid: {', '.join(known)}"
+
+
+def installing(package: str) -> str:
+    """The command that installs a package for this Python."""
+    return f"{shlex.quote(sys.executable)} -m pip install {package}"
 
 
 def shortened(name: object, longest: int = 80) -> str:

@@ -21,7 +21,7 @@ from lajolla.film import Film
 from lajolla.image import Image, check_exact, check_output, check_space
 from lajolla.loaded_scene import Scene
 from lajolla.picture_files import ImageError, ImageWarning
-from lajolla.picture_formats import ENDINGS, HOLD_CHANNELS, ending_of
+from lajolla.picture_formats import ENDINGS, HOLD_CHANNELS, LOW_RANGE, ending_of
 from lajolla.render import Rendering
 from lajolla.whole_files import Target, check_folder, is_device, replacing
 
@@ -50,8 +50,13 @@ class Output:
         return None if self.path.suffix.lower() in ENDINGS else self.format
 
     @property
+    def ending(self) -> str:
+        """Of its format, such as ".exr"."""
+        return ending_of(self.path, self.named_format)
+
+    @property
     def holds_channels(self) -> bool:
-        return ending_of(self.path, self.named_format) in HOLD_CHANNELS
+        return self.ending in HOLD_CHANNELS
 
     def check(self) -> None:
         """Raises ImageError if it cannot be written."""
@@ -69,7 +74,7 @@ class Output:
 
     def check_layers(self, scene: Scene, arguments: argparse.Namespace) -> None:
         """Raises ImageError if the file cannot hold the scene's ids and mattes exactly."""
-        if ending_of(self.path, self.named_format) == ".exr":
+        if self.ending == ".exr":
             half, compression = arguments.half, arguments.compression
             layers = object_layers(scene.aovs)
             check_exact(self.target, layers, scene.film, half=half, compression=compression)
@@ -125,9 +130,12 @@ def _same(a: Path, b: Path) -> bool:
     return os.path.realpath(a) == os.path.realpath(b)
 
 
-def write_pictures(outputs: Sequence[Output], picture: Image, arguments: argparse.Namespace) -> None:
-    """Writes all that can be written, then raises the first error."""
-    errors = []
+def write_pictures(
+    outputs: Sequence[Output], picture: Image, arguments: argparse.Namespace
+) -> tuple[list[str], list[Exception]]:
+    """Writes all that can be written. Returns the names of these, and the errors of others."""
+    written: list[str] = []
+    errors: list[Exception] = []
     if arguments.tonemap is not None:
         picture.film = replace(picture.film, tonemap_method=arguments.tonemap)
     with warnings.catch_warnings(record=True) as caught:
@@ -140,12 +148,31 @@ def write_pictures(outputs: Sequence[Output], picture: Image, arguments: argpars
                     half=arguments.half,
                     compression=arguments.compression,
                 )
+                written.append(str(output))
             except ImageError as error:
                 errors.append(error)
     for warning in caught:
         say(f"warning: {warning.message}")
+    return written, errors
+
+
+def warn_of_unused(outputs: Sequence[Output], arguments: argparse.Namespace) -> None:
+    """Warns of options that change none of the pictures."""
+    endings = {output.ending for output in outputs}
+    if (arguments.half or arguments.compression != "zip") and ".exr" not in endings:
+        option = "--half" if arguments.half else "--compression"
+        say(f"warning: {option} is for .exr files only")
+    if (arguments.exposure or arguments.tonemap) and not endings & {*LOW_RANGE}:
+        option = "--exposure" if arguments.exposure else "--tonemap"
+        say(f"warning: {option} is for PNG, JPEG and the like only")
+
+
+def raise_last(errors: Sequence[Exception]) -> None:
+    """Raises the last of several errors, and prints the others."""
+    for error in errors[:-1]:
+        say(f"error: {error}")
     if errors:
-        raise errors[0]
+        raise errors[-1]
 
 
 def statistics(scene: Scene, rendering: Rendering) -> dict[str, Any]:

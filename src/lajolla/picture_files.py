@@ -3,7 +3,7 @@
 import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -134,3 +134,13 @@ def _channel_name(spec: Any, index: int) -> str:  # noqa: ANN401
         return spec.channel_name(index)
     except UnicodeDecodeError:
         return "?"
+
+
+def header_texts(spec: Any) -> dict[str, str]:  # noqa: ANN401
+    """The texts in the header of a picture by name, without those that are not UTF-8."""
+    result = {}
+    for attribute in spec.extra_attribs:
+        with suppress(UnicodeDecodeError):
+            if isinstance(attribute.value, str):
+                result[attribute.name] = attribute.value
+    return result

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lajolla.messages import installing
 from lajolla.picture_files import ImageError
 
 
@@ -24,7 +25,7 @@ def plotted(values: NDArray[Any], label: str, axes: Any = None) -> Any:  # noqa:
     try:
         from matplotlib import pyplot
     except ImportError:
-        raise ImageError("plot() needs matplotlib: pip install matplotlib") from None
+        raise ImageError(f"plot() needs matplotlib: {installing('matplotlib')}") from None
     shown = values if values.ndim == 2 or values.dtype == np.uint8 else _as_colours(values)
     axes = pyplot.figure().add_subplot() if axes is None else axes
     drawn = axes.imshow(shown, interpolation="nearest")

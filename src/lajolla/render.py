@@ -17,7 +17,7 @@ from lajolla.aovs import SAMPLES
 from lajolla.colour import FloatImage
 from lajolla.film import Film
 from lajolla.image import Image
-from lajolla.layers import named_channels
+from lajolla.layers import named_channels, with_shadows
 from lajolla.limits import LIMITS, MOST_SAMPLES, OptionError, check_flag, check_real
 from lajolla.messages import names_checked
 from lajolla.objects import ObjectLayers
@@ -208,7 +208,7 @@ class Rendering:
         yield from self._even_passes(min(FIRST_COUNT, self.rules.most_samples))
         while self.accumulator.counts.min() >= FIRST_COUNT:
             if self.round is None:
-                self.estimate.update(self.accumulator.image()[..., :3], self.accumulator.counts)
+                self.estimate.update(self._judged(), self.accumulator.counts)
                 if 0 < self.rules.noise >= self.noise:
                     return
                 self.round = self._next_round()
@@ -218,6 +218,15 @@ class Rendering:
             if (self.accumulator.counts < self.round).any():  # no time is left
                 return
             self.round = None
+
+    def _judged(self) -> FloatImage:
+        """The picture whose error counts: with shadow catchers, composed over a grey of its mean."""
+        values, labels = with_shadows(self.accumulator.image(), self.channels)
+        picture = values[..., :3]
+        if len(labels) == len(self.channels) or "A" not in labels:
+            return picture
+        alpha = values[..., 3 + labels.index("A"), None]
+        return np.asarray(picture + (1 - alpha) * (picture.mean() or 1), np.float32)
 
     def _next_round(self) -> Counts:
         counts = self.accumulator.counts

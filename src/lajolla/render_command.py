@@ -8,6 +8,7 @@ import math
 import shlex
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -81,7 +82,8 @@ def command_render(arguments: argparse.Namespace) -> int:
         return _render_each_sensor(arguments)
     if arguments.skip_existing and all(path.exists() for path in arguments.outputs):
         if not arguments.quiet:
-            say(f"{', '.join(map(str, arguments.outputs))} exists, and is not rendered again")
+            there = ", ".join(map(str, arguments.outputs))
+            say(f"not rendered again: {there}")
         return 0
     if arguments.pixel is None:
         lajolla.outputs.check(arguments)
@@ -139,6 +141,7 @@ def _checked_outputs(scene: lajolla.Scene, arguments: argparse.Namespace) -> lis
         output.check()
         output.check_space(scene, layers=9 if arguments.denoise else 0)
         output.check_layers(scene, arguments)
+    lajolla.outputs.warn_of_unused(outputs, arguments)
     has_more = scene.core.channels or scene.aovs
     if has_more and not any(output.holds_channels for output in outputs):
         *some, last = lajolla.picture_formats.HOLD_CHANNELS
@@ -180,17 +183,16 @@ def _run_and_save(
             if saver is not None:
                 patience.save(saver.write)
             raise patience.interrupt
-        patience.save(_save, outputs, scene, rendering, features, arguments, saver, tev)
-    written = f"wrote {', '.join(map(str, outputs))} ({_summary(scene, rendering)})"
+        written, failures = patience.save(_save, outputs, scene, rendering, features, arguments, saver, tev)
     if failure is not None:
-        say(written)
-        raise failure
-    if patience.interrupt is not None:
-        say(f"interrupted; {written}")
-        return patience.interrupt.exit_code
-    if not arguments.quiet:
-        say(written)
-    return 0
+        failures.append(failure)
+    told = f"wrote {', '.join(written)} ({_summary(scene, rendering)})" if written else "nothing was written"
+    if patience.interrupt is not None and failure is None:
+        say(f"interrupted; {told}")
+    elif written and (failures or not arguments.quiet):
+        say(told)
+    lajolla.outputs.raise_last(failures)
+    return patience.interrupt.exit_code if patience.interrupt is not None else 0
 
 
 @contextmanager
@@ -238,8 +240,11 @@ def _save(
     arguments: argparse.Namespace,
     saver: lajolla.checkpoint.Saver | None,
     tev: Tev | None,
-) -> None:
-    """Writes all outputs of a render, denoised if there are features."""
+) -> tuple[list[str], list[Exception]]:
+    """Writes all outputs of a render, denoised if there are features.
+
+    Returns the names of the pictures that were written, and what went wrong.
+    """
     failures: list[Exception] = []
     if saver is not None:  # first, as nothing can be computed again without it
         try:
@@ -256,17 +261,18 @@ def _save(
             failures.append(lajolla.DenoiseError(f"{problem}; the picture was saved as rendered"))
     if tev is not None:
         tev.offer(str(outputs[0]), lambda: lajolla.tev.channels_of(picture))
-    lajolla.outputs.write_pictures(outputs, picture, arguments)
+    written, errors = lajolla.outputs.write_pictures(outputs, picture, arguments)
+    failures += errors
     if tev is not None:
         tev.close()
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
-        stats = lajolla.outputs.statistics(scene, rendering)
-        lajolla.outputs.write_statistics(arguments.stats, stats)
-    for failure in failures[:-1]:
-        say(f"error: {failure}")
-    if failures:
-        raise failures[-1]
+        try:
+            stats = lajolla.outputs.statistics(scene, rendering)
+            lajolla.outputs.write_statistics(arguments.stats, stats)
+        except (OSError, lajolla.ImageError) as problem:
+            failures.append(problem)
+    return written, failures
 
 
 def _render_each_sensor(arguments: argparse.Namespace) -> int:
@@ -281,7 +287,10 @@ def _render_each_sensor(arguments: argparse.Namespace) -> int:
 def _render_each_frame(arguments: argparse.Namespace) -> int:
     """Renders all frames until an interrupt, or an error without --keep-going."""
     scene_file(arguments)  # standard input can be read only once
-    return _render_each(lajolla.series.for_each_frame(arguments), keep_going=arguments.keep_going)
+    renders = lajolla.series.for_each_frame(arguments)
+    if len(renders) > 1 and all(one.arguments.parameters == arguments.parameters for one in renders):
+        say("warning: all frames are equal, because no -D has a {frame} or a range FROM..TO")
+    return _render_each(renders, keep_going=arguments.keep_going)
 
 
 def command_batch(arguments: argparse.Namespace) -> int:
@@ -292,16 +301,18 @@ def command_batch(arguments: argparse.Namespace) -> int:
         *([f"--threads={arguments.threads}"] if arguments.threads else []),
     ]
     renders = []
-    for number, words in enumerate(lajolla.series.jobs_of(arguments.jobs), 1):
+    for name, words in lajolla.series.jobs_of(arguments.jobs):
         if arguments.dry_run:
             print(shlex.join(["lajolla", "render", *words]))
             continue
         try:
             job = parse(["render", *words, *passed_on])
         except UsageError as problem:
-            raise UsageError(f"{arguments.jobs}: job {number}: {problem}") from None
+            raise UsageError(f"{arguments.jobs}: {name}: {problem}") from None
+        if not job.scene.exists() and not arguments.keep_going:  # before hours of other jobs
+            raise UsageError(f"{arguments.jobs}: {name}: {job.scene}: no such file")
         job.keep_partial = False
-        renders.append(lajolla.series.Render(f"job {number}", job))
+        renders.append(lajolla.series.Render(name, job))
     if not renders:
         return 0
     return _render_each(lajolla.series.all_frames(renders), keep_going=arguments.keep_going)
@@ -361,15 +372,22 @@ def command_merge(arguments: argparse.Namespace) -> int:
     outputs = lajolla.outputs.outputs_of(arguments)
     lajolla.outputs.check(arguments)
     lajolla.outputs.check_distinct(arguments, outputs)
-    if len(set(arguments.files)) < len(arguments.files):
-        raise UsageError("a checkpoint is named twice")
+    for path, count in Counter(arguments.files).items():
+        if count > 1:
+            raise UsageError(f"{path} is named twice")
     files = {path: lajolla.checkpoint.read(path) for path in arguments.files}
     result = lajolla.checkpoint.merged(files)
     if result.left_out:
         say(f"warning: {', '.join(result.left_out)} left out, which only a render of the scene can compute")
-    lajolla.outputs.write_pictures(outputs, result.image(), arguments)
+    lajolla.outputs.warn_of_unused(outputs, arguments)
+    written, failures = lajolla.outputs.write_pictures(outputs, result.image(), arguments)
     if arguments.checkpoint is not None:
-        result.write(arguments.checkpoint)
-    written = [*map(str, outputs), *([str(arguments.checkpoint)] if arguments.checkpoint else [])]
-    say(f"wrote {', '.join(written)} ({int(result.counts.max())} samples per pixel)")
+        try:
+            result.write(arguments.checkpoint)
+            written.append(str(arguments.checkpoint))
+        except lajolla.ImageError as problem:
+            failures.append(problem)
+    if written:
+        say(f"wrote {', '.join(written)} ({int(result.counts.max())} samples per pixel)")
+    lajolla.outputs.raise_last(failures)
     return 0

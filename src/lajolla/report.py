@@ -10,6 +10,7 @@ from typing import Any
 
 from lajolla.comparison import Comparison
 from lajolla.display import size_in_memory
+from lajolla.layers import shown
 from lajolla.loaded_scene import Scene
 from lajolla.scene import SceneError, SceneWarning
 from lajolla.survey import Finding
@@ -39,7 +40,7 @@ def scene_facts(path: Path, scene: Scene) -> Json:
         "height": scene.height,
         "samples_per_pixel": scene.core.sample_count,
         "sensors": list(scene.sensors),
-        "channels": list(scene.core.channels),
+        "channels": shown(scene.core.channels),
         "memory_bytes": counts.pop("bytes"),
         "counts": counts,
         "warnings": [{**_located(warning), "count": warning.count} for warning in scene.warnings],

@@ -178,8 +178,9 @@ def _is_stream(path: Path) -> bool:
 # --- files of jobs ------------------------------------------------------------------------------------------
 
 
-def jobs_of(path: Path) -> list[list[str]]:
-    """The command lines `lajolla render ...` of a TOML file, without these two words.
+def jobs_of(path: Path) -> list[tuple[str, list[str]]]:
+    """The command lines `lajolla render ...` of a TOML file, without these two words, and their names for
+    messages, such as "job 2, metal=Cu".
 
     Raises:
         UsageError: the file is no list of jobs; the message names the job and the option.
@@ -197,12 +198,15 @@ def jobs_of(path: Path) -> list[list[str]]:
     jobs = table.pop("job", [{}])
     if not isinstance(jobs, list) or not jobs or not all(isinstance(job, dict) for job in jobs):
         raise UsageError(f"{path}: jobs are tables that begin with [[job]]")
-    result: list[list[str]] = []
+    result: list[tuple[str, list[str]]] = []
     for number, job in enumerate(jobs, 1):
         where = f"{path}: job {number}" if len(jobs) > 1 else str(path)
         parameters = {**_parameters(where, table), **_parameters(where, job)}
         options = {**table, **job, "parameters": parameters}
-        result += _command_lines(where, path.parent, options)
+        result += [
+            (", ".join([f"job {number}", *chosen]), words)
+            for chosen, words in _command_lines(where, path.parent, options)
+        ]
     return result
 
 
@@ -213,8 +217,11 @@ def _parameters(where: str, table: Mapping[str, Any]) -> Mapping[str, Any]:
     return parameters
 
 
-def _command_lines(where: str, folder: Path, options: dict[str, Any]) -> Iterator[list[str]]:
-    """The command lines of a job: one for each combination of values of its parameters."""
+def _command_lines(
+    where: str, folder: Path, options: dict[str, Any]
+) -> Iterator[tuple[list[str], list[str]]]:
+    """The command lines of a job, one for each combination of values of its parameters, and the values of
+    those that have several."""
     parameters = options.pop("parameters")
     scene = options.pop("scene", None)
     if not isinstance(scene, str):
@@ -230,15 +237,11 @@ def _command_lines(where: str, folder: Path, options: dict[str, Any]) -> Iterato
     for chosen in itertools.product(*choices):
         values = dict(zip(parameters, chosen, strict=True))
         try:
-            yield [
-                str(folder / scene),
-                *(word for name, value in values.items() for word in ("-D", f"{name}={_text(name, value)}")),
-                *(
-                    word
-                    for name, value in options.items()
-                    for word in _words(_action(render, name), folder, name, value, values, later)
-                ),
-            ]
+            texts = {name: f"{name}={_text(name, value)}" for name, value in values.items()}
+            words = [str(folder / scene), *(word for text in texts.values() for word in ("-D", text))]
+            for name, value in options.items():
+                words += _words(_action(render, name), folder, name, value, values, later)
+            yield [text for name, text in texts.items() if isinstance(parameters[name], list)], words
         except UsageError as problem:
             raise UsageError(f"{where}: {problem}") from None
         if not options.get("output"):

@@ -25,13 +25,14 @@ from lajolla.params.textures import (
 from lajolla.params.values import WITH_OBJECTS, placed, with_arrays
 from lajolla.scene import Objects, SceneError, SceneWarning
 from lajolla.scene.editing import Editor
-from lajolla.scene.schema import TEXTURED, Field
+from lajolla.scene.schema import COMPOSITING, TEXTURED, Field
 from lajolla.scene.syntax.transforms import turns_over
 
 # Entries are changed before those that refer to them.
 ORDER = ("textures", "bsdfs", "adapters", "materials", "volumes", "phases", "media")
 LISTS_OF = {kind: where for where, kind in KINDS.items()}
-SLOT = ("material", "interior", "exterior")  # what a shape refers to
+# What a shape refers to, and how the camera sees it.
+SLOT = ("material", "interior", "exterior", *COMPOSITING)
 
 
 class Edits:

@@ -29,7 +29,6 @@ KINDS = {  # of the entries in the description's lists
 }
 SINGLE = ("integrator", "sensor", "film", "rfilter", "sampler")  # of which a scene has one; their own kinds
 ONE_MODEL = {"film": "film", "instance": "instance"}  # kinds without "type"
-PLACEMENT = Field("to_world", "transform", "placement of the group in the scene", np.eye(4).tolist())
 MATERIAL = "material"  # the type of fields that refer to a bsdf or an adapter
 MATERIALS = ("bsdfs", "adapters")  # the lists of what these are
 
@@ -63,8 +62,8 @@ class SceneObject:
     @cached_property
     def fields(self) -> dict[str, Field]:
         """The fields of its model, by name."""
-        own = fields_of(core_schema(), self.kind, self.model) if self.kind != "instance" else (PLACEMENT,)
-        return {f.name: f for f in own}
+        own = fields_of(core_schema(), self.kind, self.model)
+        return {f.name: f for f in own if (self.kind, f.name) != ("instance", "group")}
 
 
 NO_OBJECTS: Mapping[str, SceneObject] = MappingProxyType({})

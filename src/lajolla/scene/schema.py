@@ -20,6 +20,12 @@ CHILDREN = {
     "film": ("rfilter",),
 }
 
+# Kinds of models of the core that scene files know as bsdfs and shapes.
+INNER_KINDS = ("adapter", "instance")
+
+# Properties of all shapes and instances: how the camera sees them. The values are the defaults.
+COMPOSITING = {"visible_to_camera": True, "holdout": False, "shadow_catcher": False}
+
 TEXTURED = ("texture_float", "texture_spectrum")  # types of fields that take textures
 
 # Properties of Mitsuba that cannot change the picture's values here: hints to its samplers, and how and where

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from lajolla import _core
+from lajolla.layers import with_shadows
 from lajolla.loaded_scene import Scene
 from lajolla.params.objects import names_by_entry
 from lajolla.scene import plugins_by_kind
@@ -102,10 +103,11 @@ def inspected(view: View, x: int, y: int) -> Json:
         return {"x": x, "y": y, "inside": False}
     rendering = view.rendering("")
     row, column = y - top, x - left
-    value = rendering.accumulator.image()[row, column]
+    values, labels = with_shadows(rendering.accumulator.image(), rendering.channels)
+    value = values[row, column]
     errors = rendering.estimate.errors[row // 8, column // 8]
     error = float(np.sqrt(np.mean(errors)))
-    channels = {label: float(value[3 + i]) for i, label in enumerate(rendering.channels)}
+    channels = {label: float(value[3 + i]) for i, label in enumerate(labels)}
     return {
         "x": x,
         "y": y,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lajolla import _core
 from lajolla.aovs import AOVS, IDS, SAMPLES
 from lajolla.colour import FloatImage
+from lajolla.layers import shown, with_shadows
 from lajolla.loaded_scene import Scene
 from lajolla.render import Rendering, StopRules
 
@@ -43,8 +44,8 @@ class View:
     @cached_property
     def layers(self) -> dict[str, str]:
         """The names of what can be shown beside the picture, with descriptions."""
-        shown = {name: variable.doc for name, variable in AOVS.items() if variable.field or name in IDS}
-        return {**shown, **layers_of(self.scene.core.channels)}
+        known = {name: variable.doc for name, variable in AOVS.items() if variable.field or name in IDS}
+        return {**known, **layers_of(self.scene.core.channels)}
 
     def rendering(self, layer: str) -> Rendering:
         """The render that a layer is a part of; begun if there is none."""
@@ -127,7 +128,7 @@ def _is_field(layer: str) -> bool:
 
 def layers_of(channels: list[str]) -> dict[str, str]:
     """The layers that the channels of a render are, and the numbers of samples, with descriptions."""
-    groups = [SAMPLES, *(label.rpartition(".")[0] or label for label in channels)]
+    groups = [SAMPLES, *(label.rpartition(".")[0] or label for label in shown(channels))]
     return {name: AOVS[name].doc if name in AOVS else "" for name in groups}
 
 
@@ -137,7 +138,8 @@ def of_layer(means: FloatImage, layer: str, channels: list[str], counts: NDArray
         return means[..., :3]
     if layer == SAMPLES:
         return np.repeat(counts.astype(np.float32)[..., None], 3, axis=2)
-    found = [3 + i for i, label in enumerate(channels) if (label.rpartition(".")[0] or label) == layer]
+    means, labels = with_shadows(means, channels)
+    found = [3 + i for i, label in enumerate(labels) if (label.rpartition(".")[0] or label) == layer]
     return means[..., (found * 3)[:3] if len(found) == 1 else [*found, *found][:3]]
 
 

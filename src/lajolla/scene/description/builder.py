@@ -13,7 +13,7 @@ from lajolla import _core
 from lajolla.film import Film
 from lajolla.picture_files import Budget
 
-from ..schema import CHILDREN, HARMLESS, TEXTURED, Field, core_schema, fields_of
+from ..schema import CHILDREN, HARMLESS, INNER_KINDS, TEXTURED, Field, core_schema, fields_of
 from ..syntax.errors import Blame, Diagnostics, Location, SceneError, did_you_mean
 from ..syntax.files import MissingFile, find_file
 from ..syntax.nodes import Node, Property
@@ -83,7 +83,7 @@ def plugins_by_kind() -> Mapping[str, Mapping[str, Plugin]]:
     schema = core_schema()
     table: dict[str, Plugins] = {}
     for kind, models in schema.items():
-        if kind == "adapter":
+        if kind in INNER_KINDS:
             continue  # the reader's own plugins make them
         for name in models:
             table.setdefault(kind, Plugins()).makers[name.lower()] = partial(_of_model, kind, name)

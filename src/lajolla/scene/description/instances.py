@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from ..schema import Field
+from ..schema import COMPOSITING, Field
 from ..syntax.errors import SceneError
 from ..syntax.members import Irregular
 from ..syntax.nodes import Array, Node, Property
@@ -26,17 +26,32 @@ Member = TypeVar("Member")
 AddShape = Callable[[Builder, Node], Sequence[int]]
 
 
+@dataclass(frozen=True)
+class Placement:
+    """How an instance shows what is in it."""
+
+    matrix: Array
+    compositing: Entry  # how the camera sees it, where that is not the default
+
+    def __matmul__(self, inner: Placement) -> Placement:
+        """That of an instance in a group that is placed so."""
+        return Placement(self.matrix @ inner.matrix, inner.compositing | self.compositing)
+
+
+AS_IT_IS = Placement(np.eye(4), {})
+
+
 @dataclass
 class Contents(Generic[Group]):
     """What a shape group holds: placed groups without groups in them, and shapes that are lights."""
 
-    groups: list[tuple[Array, Group]]
-    lights: list[tuple[Array, Node]]
+    groups: list[tuple[Placement, Group]]
+    lights: list[tuple[Placement, Node]]
 
-    def extend(self, matrix: Array, inner: Contents[Group]) -> None:
+    def extend(self, outer: Placement, inner: Contents[Group]) -> None:
         """Adds the contents of a nested group."""
-        self.groups += [(matrix @ placed, group) for placed, group in inner.groups]
-        self.lights += [(matrix @ placed, light) for placed, light in inner.lights]
+        self.groups += [(outer @ placed, group) for placed, group in inner.groups]
+        self.lights += [(outer @ placed, light) for placed, light in inner.lights]
 
 
 def add_instance(builder: Builder, node: Node, add_shape: AddShape) -> None:
@@ -49,11 +64,13 @@ def add_instance(builder: Builder, node: Node, add_shape: AddShape) -> None:
     """
     group_node = group_of(builder, node)
     contents = _contents(builder, group_node, add_shape)
-    matrix = placement(builder, node)
-    for placed, group in contents.groups:
-        builder.add("instances", {"group": group, "to_world": matrix @ placed + 0.0}, node)
-    for placed, light in contents.lights:
-        _add_light(builder, light, matrix @ placed, add_shape)
+    shown = Contents[int]([], [])
+    shown.extend(placement(builder, node), contents)
+    for placed, group in shown.groups:
+        entry = {"group": group, "to_world": placed.matrix + 0.0, **placed.compositing}
+        builder.add("instances", entry, node)
+    for placed, light in shown.lights:
+        _add_light(builder, light, placed, add_shape)
 
 
 def plain_group(add_shape: AddShape) -> Callable[[Builder, Node], int]:
@@ -66,7 +83,7 @@ def plain_group(add_shape: AddShape) -> Callable[[Builder, Node], int]:
         if group.plugin.lower() != "shapegroup":
             raise Irregular
         contents = _contents(builder, group, add_shape)
-        if contents.lights or len(contents.groups) != 1 or np.any(contents.groups[0][0] != np.eye(4)):
+        if contents.lights or len(contents.groups) != 1 or contents.groups[0][0] is not AS_IT_IS:
             raise Irregular
         return contents.groups[0][1]
 
@@ -181,15 +198,15 @@ def flattened(
     for child in _one_by_one(builder, group):
         name = child.plugin.lower()
         if name == "shapegroup":
-            contents.extend(np.eye(4), contents_of(child))
+            contents.extend(AS_IT_IS, contents_of(child))
         elif name == "instance":
             contents.extend(placement(builder, child), contents_of(group_of(builder, child)))
         elif any(emitter.plugin.lower() == "area" for _, emitter in child.children("emitter")):
-            contents.lights.append((np.eye(4), child))
+            contents.lights.append((AS_IT_IS, child))
         else:
             members += make(child)
     if members:
-        contents.groups.append((np.eye(4), close(group, members)))
+        contents.groups.append((AS_IT_IS, close(group, members)))
     return contents
 
 
@@ -217,18 +234,32 @@ def members_of(group: Node) -> Iterator[Node]:
             yield child
 
 
-def placement(builder: Builder, node: Node) -> Array:
-    prop = node.find("to_world")
-    return np.eye(4) if prop is None else builder.convert(node, prop, TO_WORLD)
+def placement(builder: Builder, node: Node) -> Placement:
+    """Where a shape or an instance is, and how the camera sees it."""
+    given = {name: prop for name in (TO_WORLD.name, *COMPOSITING) if (prop := node.find(name)) is not None}
+    to_world = given.pop(TO_WORLD.name, None)
+    matrix = np.eye(4) if to_world is None else builder.convert(node, to_world, TO_WORLD)
+    values = {name: builder.convert(node, prop, Field(name, "boolean", "")) for name, prop in given.items()}
+    return Placement(matrix, unusual(values))
 
 
-def _add_light(builder: Builder, light: Node, matrix: Array, add_shape: AddShape) -> None:
-    """Adds a shape of a group as if it stood in the scene itself."""
+def unusual(entry: Entry) -> Entry:
+    """How the camera sees a shape or an instance, where that is not the default."""
+    return {name: entry[name] for name, usual in COMPOSITING.items() if entry.get(name, usual) != usual}
+
+
+def placed_light(builder: Builder, light: Node, outer: Placement) -> Node:
+    """A shape of a group as if it stood in the scene itself."""
     place = light.property_location("to_world")
-    kept = light.without(["to_world"])
-    placed = Property("to_world", matrix @ placement(builder, light), place, place)
-    added = add_shape(builder, replace(light, properties=[*kept, placed]))
-    if np.linalg.det(matrix[:3, :3]) < 0:
+    placed = outer @ placement(builder, light)
+    values = {"to_world": placed.matrix, **placed.compositing}
+    properties = [Property(name, value, place, place) for name, value in values.items()]
+    return replace(light, properties=[*light.without(values), *properties])
+
+
+def _add_light(builder: Builder, light: Node, outer: Placement, add_shape: AddShape) -> None:
+    added = add_shape(builder, placed_light(builder, light, outer))
+    if np.linalg.det(outer.matrix[:3, :3]) < 0:
         for index in added:
             shape = builder.shapes[index]
             if not keeps_sides(shape):

@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeAlias, TypeVar
 from lajolla.film import Film
 from lajolla.picture_files import Budget
 
-from ..schema import Field, Schema, fields_of
+from ..schema import INNER_KINDS, Field, Schema, fields_of
 from ..syntax.errors import Diagnostics, Location
 from ..syntax.nodes import Blackbody, Node, Property, Rgb, Spectrum, Vector
 from .outputs import Layer, Picture
@@ -166,7 +166,7 @@ class Plugin:
 
     def with_model(self, schema: Schema) -> Plugin:
         """The same plugin with the fields of its core model before its own, and its doc if it has none."""
-        kind = "adapter" if self.model in schema.get("adapter", {}) else self.kind
+        kind = next((inner for inner in INNER_KINDS if self.model in schema.get(inner, {})), self.kind)
         doc = self.doc or schema.get(kind, {}).get(self.name, {"doc": ""})["doc"]
         shared = fields_of(schema, kind, self.model) if self.model else ()
         own = {f.name for f in self.fields}

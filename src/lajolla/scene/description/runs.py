@@ -16,6 +16,7 @@ from ..syntax.errors import Diagnostics, SceneError
 from ..syntax.members import Irregular
 from ..syntax.nodes import Array, Column, Node, Property, Rgb, below
 from .builder import Builder
+from .instances import unusual
 from .plugin import BLACK, Plugin, Slot, is_child
 from .values import convert, convert_column
 
@@ -248,4 +249,4 @@ def _add_instances(builder: Builder, node: Node, entry: dict[str, Any], group_of
         groups = group_of(builder, prop.value)
     matrix = entry.get("to_world", np.eye(4))  # without negative zeros, as single instances have none
     to_world = Column(matrix.rows + 0.0) if isinstance(matrix, Column) else matrix + 0.0
-    add_columns(builder, "instances", {"group": groups, "to_world": to_world}, node)
+    add_columns(builder, "instances", {"group": groups, "to_world": to_world, **unusual(entry)}, node)

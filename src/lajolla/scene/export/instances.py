@@ -6,9 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..description.instances import Contents, flattened, group_of, keeps_sides, placement
+from ..description.instances import (
+    Contents,
+    Placement,
+    flattened,
+    group_of,
+    keeps_sides,
+    placed_light,
+    placement,
+)
 from ..description.plugin import Part
-from ..syntax.nodes import Array, Node, Property
+from ..syntax.nodes import Node, Property
 from .plugins import having, holding, like
 from .translation import Translation
 
@@ -16,16 +24,17 @@ from .translation import Translation
 def instances(translation: Translation, node: Node) -> list[Node]:
     """An instance of every group that it shows, and the lights among them as plain shapes."""
     contents = _contents(translation, group_of(translation.builder, node))
-    matrix = placement(translation.builder, node)
+    outer = placement(translation.builder, node)
+    translation.lose(*outer.compositing)
     result: list[Node] = []
     for placed, group in contents.groups:
         one = (
             like(node, "instance") if not result else Node("shape", "instance", node.location, node.location)
         )
         one.properties.append(Property("", group, node.location, node.location))
-        result.append(having(one, to_world=matrix @ placed))
+        result.append(having(one, to_world=(outer @ placed).matrix))
     return result + [
-        s for placed, light in contents.lights for s in _light(translation, light, matrix @ placed)
+        s for placed, light in contents.lights for s in _light(translation, light, outer @ placed)
     ]
 
 
@@ -52,13 +61,11 @@ def _contents(translation: Translation, node: Node) -> Contents[Node]:
     return translation.groups[node]
 
 
-def _light(translation: Translation, light: Node, matrix: Array) -> list[Node]:
+def _light(translation: Translation, light: Node, outer: Placement) -> list[Node]:
     """A shape of a group as if it stood in the scene itself."""
-    place = light.property_location("to_world")
-    placed = Property("to_world", matrix @ placement(translation.builder, light), place, place)
-    moved = replace(light, id="", properties=[*light.without(["to_world"]), placed])
+    moved = replace(placed_light(translation.builder, light, outer), id="")
     shapes = translation.shapes(moved)
-    if np.linalg.det(matrix[:3, :3]) > 0:
+    if np.linalg.det(outer.matrix[:3, :3]) > 0:
         return shapes
     built = translation.builder.construction(moved).result
     parts = built if isinstance(built, list) else [built]

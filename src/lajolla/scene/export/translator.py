@@ -26,7 +26,7 @@ from ..description.plugins import colours
 from ..description.plugins.textures import decode, is_alpha
 from ..formats.images import FLOAT_RGB, Pixels, read_pixels
 from ..formats.ply import ply_bytes
-from ..schema import Field
+from ..schema import COMPOSITING, Field
 from ..syntax.files import MissingFile, file_bytes
 from ..syntax.nodes import Node, Property, Rgb, Value, Vector, below
 from .coats import coating
@@ -46,6 +46,8 @@ from .plugins import (
 
 # Properties of ours that only say how to find what is written already.
 READING = ("collapse", "load_materials", "max_smooth_angle", "srgb")
+# Those that Mitsuba 3 does not have, with their defaults.
+OURS = {"multiscatter": False, **COMPOSITING}
 ENVIRONMENTS = ("constant", "envmap", "sunsky")
 # Kinds of children of which one counts; of bsdfs in pairs two.
 COUNTED = {"scene": ("integrator",), "sensor": ("film", "sampler", "medium"), "film": ("rfilter",)}
@@ -134,9 +136,9 @@ class Translator:
             if name in fields or is_child(prop.value, plugin)
         }
         values = values | self._values_of_children(node, plugin, fields)
-        if getattr(node.find("multiscatter"), "value", False):
-            self.lose("multiscatter")  # which no other renderer has
-        used = [prop for prop in node.properties if id(prop) in meant and prop.name != "multiscatter"]
+        given = {name: getattr(node.find(name), "value", default) for name, default in OURS.items()}
+        self.lose(*(name for name, default in OURS.items() if given[name] != default))
+        used = [prop for prop in node.properties if id(prop) in meant and prop.name not in OURS]
         for prop in _counted(node, used):
             for value in self._values(node, prop, meant[id(prop)], values):
                 result.properties.append(Property(prop.name, value, prop.location, prop.name_location))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import shlex
 import struct
-import sys
 import zlib
+
+from lajolla.messages import installing
 
 from .voxels import VoxelError
 
@@ -36,8 +36,7 @@ def unpacked_by_blosc(chunk: bytes) -> bytes:
     try:
         import blosc  # needed by such files alone
     except ImportError:
-        command = f"{shlex.quote(sys.executable)} -m pip install blosc"
-        raise VoxelError(f"it is compressed with Blosc; to read it: {command}") from None
+        raise VoxelError(f"it is compressed with Blosc; to read it: {installing('blosc')}") from None
     if len(chunk) < BLOSC_HEADER.size:
         raise VoxelError(BROKEN)
     check_packing(BLOSC_HEADER.unpack_from(chunk)[0], len(chunk))

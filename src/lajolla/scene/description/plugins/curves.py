@@ -18,7 +18,7 @@ from ...formats.curves import (
     straightened,
     thinned,
 )
-from ...schema import CHILDREN, Field
+from ...schema import CHILDREN, COMPOSITING, Field
 from ...syntax.errors import SceneError
 from ...syntax.nodes import Node
 from ..plugin import Context, Entry, Plugin, Values
@@ -89,7 +89,8 @@ def _entry(
         to_world = np.eye(4)
         to_world[:3, 3] = matrix[:3, 3]  # left to the core: float32 has no digits far from the origin
         tubes = _core.Mesh(*tube_arrays(placed, segments, basis))
-        return {"type": "mesh", "mesh": tubes, "to_world": to_world}
+        seen = {name: values[name] for name in COMPOSITING if name in values}
+        return {"type": "mesh", "mesh": tubes, "to_world": to_world, **seen}
     return {"type": "curves", "curves": _core.Curves(points, segments), "basis": basis, **values}
 
 

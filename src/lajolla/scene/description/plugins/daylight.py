@@ -98,7 +98,8 @@ def _sky_light(
         extend=values.get("extend", False),
     )
     image = _core.Image(pixels, srgb=False)
-    return [{"type": "envmap", "image": image, "theta_max": end, "scale": scale, "to_world": to_world}]
+    entry = {"type": "envmap", "image": image, "theta_max": end, "scale": scale, "to_world": to_world}
+    return [entry | _visibility(values)]
 
 
 def _sun_light(values: Values, to_world: Array, sun: Array, scale: float) -> Entries:
@@ -126,8 +127,14 @@ def _sun_light(values: Values, to_world: Array, sun: Array, scale: float) -> Ent
             "direction": direction,
             "irradiance": tuple(map(float, irradiance)),
             "angle": angle,
+            **_visibility(values),
         }
     ]
+
+
+def _visibility(values: Values) -> Entry:
+    name = VISIBLE.name
+    return {name: values[name]} if name in values else {}
 
 
 def for_mitsuba3(context: Context, node: Node, values: Values) -> Entry | None:
@@ -167,6 +174,9 @@ def _diameter(values: Values) -> float:
     return float(values.get("sun_aperture", SUN_DIAMETER) * values.get("sun_radius_scale", 1.0))
 
 
+VISIBLE = Field(
+    "visible_to_camera", "boolean", "if not, it lights and is reflected, but is no background", True
+)
 COMMON = (
     Field("to_world", "transform", "orientation in the scene"),
     Field("turbidity", "float", "haze: 2 is an arctic day, 10 a humid one", 3.0, 1.0, 10.0),
@@ -185,6 +195,7 @@ COMMON = (
     ),
     Field("scale", "float", "factor on the light", 1.0, 0.0),
     Field("up", "choice", "the axis towards the zenith, before to_world", "z", choices=("y", "z")),
+    VISIBLE,
 )
 SKY = (
     Field("albedo", "spectrum", "of the ground", 0.3, 0.0, 1.0),

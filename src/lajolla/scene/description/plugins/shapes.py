@@ -8,7 +8,7 @@ import numpy as np
 
 from lajolla import _core
 
-from ...schema import CHILDREN, Field
+from ...schema import CHILDREN, COMPOSITING
 from ...syntax.members import Irregular
 from ...syntax.nodes import Array, Column, Node
 from ...syntax.transforms import Truth, is_even, turns_over
@@ -37,7 +37,8 @@ def _round_shape(name: str, arrays: Callable[[Values], MeshArrays]) -> Build:
         context.diagnostics.warn(
             f"a {name} with non-uniform scale is rendered as a triangle mesh", node.location
         )
-        placed = {k: v for k, v in values.items() if k in ("to_world", "flip_normals")}
+        kept = ("to_world", "flip_normals", *COMPOSITING)
+        placed = {k: v for k, v in values.items() if k in kept}
         return {"type": "mesh", "mesh": _core.Mesh(*arrays(values)), **placed}
 
     return build
@@ -98,7 +99,6 @@ def _grouping(name: str) -> Build:
 
 
 IN_SHAPES = CHILDREN["shape"]
-TO_WORLD = Field("to_world", "transform", "placement in the scene", np.eye(4).tolist())
 
 PLUGINS = (
     Plugin(
@@ -113,9 +113,11 @@ PLUGINS = (
         "shape",
         "instance",
         "A transformed copy of a shapegroup.",
-        (TO_WORLD,),
+        (),
         _grouping("instance"),
         ("shape",),
+        model="instance",
+        hidden=("group",),
         in_runs=True,
     ),
     Plugin("shape", "merge", "The shapes inside.", (), _grouping("merge"), ("shape",)),
