@@ -30,8 +30,10 @@ from statistics_tools import ROUNDING
 from test_scatter import LOSSLESS
 
 from lajolla import _core
+from lajolla.limits import STRATEGIES
+from lajolla.scene import core_schema
 
-STRATEGIES = ("mis", "bsdf", "light")
+HEURISTICS = ["power", "balance", "maximum"]
 each_strategy = pytest.mark.parametrize("strategy", STRATEGIES)
 
 ALBEDO = 0.6
@@ -214,6 +216,20 @@ def test_strategies_agree(bsdf: Settings) -> None:
     means = {strategy: batch_means(show_room(bsdf, strategy), 64) for strategy in STRATEGIES}
     check_same_mean(f"{bsdf}: mis and bsdf", means["mis"], means["bsdf"])
     check_same_mean(f"{bsdf}: mis and light", means["mis"], means["light"])
+
+
+def test_heuristics_agree() -> None:
+    bsdf = {"type": "roughconductor", "alpha_u": 0.4, "alpha_v": 0.4}
+    means = {name: batch_means(show_room(bsdf, "mis", heuristic=name), 64) for name in HEURISTICS}
+    for name in HEURISTICS[1:]:
+        check_same_mean(f"power and {name}", means["power"], means[name])
+        assert (means["power"] != means[name]).all()  # it has an effect
+
+
+def test_names_of_options_are_those_of_the_core() -> None:
+    fields = {field["name"]: field for field in core_schema()["integrator"]["path"]["fields"]}
+    assert fields["strategy"]["choices"] == list(STRATEGIES)
+    assert fields["heuristic"]["choices"] == HEURISTICS
 
 
 @each_strategy

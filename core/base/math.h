@@ -89,6 +89,13 @@ template <class Float>
 Float safe_sqrt(Float x) {
     return sqrt(max(x, Float(0)));
 }
+// The square root of a double that is positive and in the range of float32, to 45 bits: one step of Newton's
+// method from the root in float32.
+template <class Double>
+Double root_in_double(const Double &x) {
+    const Double start = to_double(sqrt(max(to_float(x), decltype(to_float(x))(1e-37f))));
+    return Double(0.5) * (start + x / start);
+}
 template <class Float>
 Float clamp(Float x, std::type_identity_t<Float> low, std::type_identity_t<Float> high) {
     return min(max(x, low), high); // of NaN NaN

@@ -97,6 +97,22 @@ struct WideFloat {
     WideFloat &operator/=(WideFloat b) { return *this = *this / b; }
 };
 
+// For the few steps that need more digits than float32 has.
+struct WideDouble {
+    using Raw [[gnu::vector_size(8 * lanes)]] = double;
+    Raw v{};
+
+    WideDouble() = default;
+    explicit WideDouble(Raw raw) : v(raw) {}
+    WideDouble(double x) : v(x - Raw{}) {}
+
+    friend WideDouble operator+(const WideDouble &a, const WideDouble &b) { return WideDouble(a.v + b.v); }
+    friend WideDouble operator-(const WideDouble &a, const WideDouble &b) { return WideDouble(a.v - b.v); }
+    friend WideDouble operator*(const WideDouble &a, const WideDouble &b) { return WideDouble(a.v * b.v); }
+    friend WideDouble operator/(const WideDouble &a, const WideDouble &b) { return WideDouble(a.v / b.v); }
+    friend WideDouble operator-(const WideDouble &a) { return WideDouble(-a.v); }
+};
+
 namespace detail {
 template <class>
 struct Companions;
@@ -104,11 +120,13 @@ template <>
 struct Companions<float> {
     using Bool = bool;
     using Int = std::int32_t;
+    using Double = double;
 };
 template <>
 struct Companions<WideFloat> {
     using Bool = WideBool;
     using Int = WideInt;
+    using Double = WideDouble;
 };
 } // namespace detail
 
@@ -116,6 +134,8 @@ template <class Float>
 using BoolOf = detail::Companions<Float>::Bool;
 template <class Float>
 using IntOf = detail::Companions<Float>::Int;
+template <class Float>
+using DoubleOf = detail::Companions<Float>::Double;
 
 template <class Float>
 inline constexpr bool is_wide = std::is_same_v<Float, WideFloat>;
@@ -194,6 +214,12 @@ inline std::int32_t to_int(float x) {
 inline WideInt to_int(WideFloat x) { return WideInt(__builtin_convertvector(x.v, WideInt::Raw)); }
 constexpr float to_float(std::int32_t x) { return static_cast<float>(x); }
 inline WideFloat to_float(WideInt x) { return WideFloat(__builtin_convertvector(x.v, WideFloat::Raw)); }
+constexpr double to_double(float x) { return x; }
+inline WideDouble to_double(WideFloat x) { return WideDouble(__builtin_convertvector(x.v, WideDouble::Raw)); }
+constexpr float to_float(double x) { return static_cast<float>(x); }
+inline WideFloat to_float(const WideDouble &x) {
+    return WideFloat(__builtin_convertvector(x.v, WideFloat::Raw));
+}
 
 // --- memory
 

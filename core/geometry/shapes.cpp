@@ -111,11 +111,21 @@ void Sphere::build() {
 }
 
 void Sphere::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs, Hit<float> &hit) const {
-    const Vec3f outward = normalize(ray.origin + ray.direction * found.distance - center);
-    const SurfaceSample point = at(outward);
-    hit.position = point.position;
-    hit.position_error = point.position_error;
-    hit.normal = hit.shading_normal = point.normal;
+    // In double precision, the point is as exact as its own coordinates, not only as those of the centre.
+    const auto along = [&](float origin, float direction, float from) {
+        return double{origin} + double{direction} * double{found.distance} - double{from};
+    };
+    const double x = along(ray.origin.x, ray.direction.x, center.x),
+                 y = along(ray.origin.y, ray.direction.y, center.y),
+                 z = along(ray.origin.z, ray.direction.z, center.z),
+                 scale = 1 / std::sqrt(x * x + y * y + z * z);
+    const Vec3f outward{to_float(x * scale), to_float(y * scale), to_float(z * scale)};
+    const auto on_sphere = [&](float from, double offset) {
+        return to_float(double{from} + offset * scale * double{radius});
+    };
+    hit.position = {on_sphere(center.x, x), on_sphere(center.y, y), on_sphere(center.z, z)};
+    hit.position_error = position_error(max_component(abs(hit.position))) + size() * 0x1p-42f;
+    hit.normal = hit.shading_normal = flip_normals ? -outward : outward;
     hit.mean_curvature = (flip_normals ? -1 : 1) / radius;
     if (!needs.uvs && !needs.tangents) return;
     // uv = (phi / 2 pi, theta / pi) in spherical coordinates around the third axis; atan2 keeps its precision
@@ -129,7 +139,8 @@ void Sphere::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &ne
 }
 
 SurfaceSample Sphere::at(const Vec3f &direction) const {
-    return {center + direction * radius, flip_normals ? -direction : direction, error(), 1 / area()};
+    const float error = position_error(size()) / 8; // direction, product and sum: a few ulps
+    return {center + direction * radius, flip_normals ? -direction : direction, error, 1 / area()};
 }
 
 // Rectangle

@@ -53,20 +53,32 @@ struct TriangleMesh {
     bool has_normals() const { return !face_normals && !mesh->normals.empty(); }
 };
 
-// The distance at which a ray hits a sphere. The discriminant is computed from the distance between centre
-// and ray, which avoids cancellation for distant or large spheres (Haines et al. 2019, "Precision
-// Improvements for Ray/Sphere Intersection").
+// The distance at which a ray hits a sphere. Rays that miss it are found in float32; hits are computed in
+// double precision, because a sphere may be so large that walls of a room are parts of it: float32 would put
+// them anywhere within radius * 2^-20.
 template <class Float>
 Float intersect_sphere(const Vec3f &center, float radius, const Ray<Float> &ray) {
+    // From the distance between centre and ray, which does not cancel for distant spheres (Haines et al.
+    // 2019, "Precision Improvements for Ray/Sphere Intersection").
     const Vec3<Float> f = ray.origin - Vec3<Float>(center);
-    const Float a = length_squared(ray.direction), b = -dot(f, ray.direction);
-    const Vec3<Float> closest = f + ray.direction * (b / a);
-    const Float discriminant = radius * radius - length_squared(closest);
-    const auto meets = discriminant >= 0.0f;
-    if (!any(meets)) return infinity;
-    const Float distance = length(f), c = (distance - radius) * (distance + radius);
-    const Float q = b + copysign(sqrt(a * discriminant), b), t0 = min(c / q, q / a), t1 = max(c / q, q / a);
-    const auto within = [&](Float t) { return meets && t > ray.near && t < ray.far; };
+    const Vec3<Float> nearest = f - ray.direction * (dot(f, ray.direction) / length_squared(ray.direction));
+    const Float rounding = 0x1p-18f * (radius + max_component(abs(f)));
+    if (!any(length_squared(nearest) <= radius * (radius + rounding))) return infinity;
+
+    using Double = DoubleOf<Float>;
+    const auto in_double = [](const Vec3<Float> &v) {
+        return Vec3<Double>{to_double(v.x), to_double(v.y), to_double(v.z)};
+    };
+    const Vec3<Double> d = in_double(ray.direction),
+                       p = in_double(ray.origin) - Vec3<Double>{center.x, center.y, center.z};
+    const Double squared = dot(d, d), middle = -(dot(p, d) / squared);
+    const Vec3<Double> chord_centre = p + d * middle;
+    const Double height = Double(radius) * Double(radius) - dot(chord_centre, chord_centre);
+    const Double half = root_in_double(height) / root_in_double(squared);
+    const Float t0 = to_float(middle - half), t1 = to_float(middle + half);
+    const auto within = [&](const Float &t) {
+        return to_float(height) >= 0.0f && t > ray.near && t < ray.far;
+    };
     return select(within(t0), t0, select(within(t1), t1, Float(infinity)));
 }
 
@@ -99,7 +111,7 @@ struct Sphere {
     SurfaceSample at(const Vec3f &direction) const;
 
 private:
-    float error() const { return position_error(max_component(abs(center)) + radius); }
+    float size() const { return max_component(abs(center)) + radius; }
 };
 
 struct Rectangle {

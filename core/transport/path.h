@@ -30,6 +30,11 @@ namespace lajolla {
 enum class Strategy { mis, bsdf, light };
 constexpr auto choices(Strategy) { return std::array{"mis", "bsdf", "light"}; }
 
+// How multiple importance sampling weights them: by their densities (balance), by the squares of these
+// (power), or only the one with the higher density (maximum).
+enum class Heuristic { power, balance, maximum };
+constexpr auto choices(Heuristic) { return std::array{"power", "balance", "maximum"}; }
+
 // The depth from which Russian roulette always applies, so that every path ends.
 inline constexpr int longest_without_roulette = 4096;
 // The highest survival probability at surfaces. It does not apply in media: light that is scattered thousands
@@ -60,6 +65,7 @@ struct Path {
     int max_depth = -1, rr_depth = 5;
     bool hide_emitters = false;
     Strategy strategy = Strategy::mis;
+    Heuristic heuristic = Heuristic::power;
 
     static constexpr auto fields() {
         return std::tuple(
@@ -69,7 +75,8 @@ struct Path {
             field("rr_depth", &Path::rr_depth, "bounces before Russian roulette may end a path, 4096 at most")
                 .range(0),
             field("hide_emitters", &Path::hide_emitters, "lights are invisible to the camera"),
-            field("strategy", &Path::strategy, "sample lights, BSDFs, or both weighted by their densities"));
+            field("strategy", &Path::strategy, "sample lights, BSDFs, or both weighted by their densities"),
+            field("heuristic", &Path::heuristic, "how both are weighted (Veach and Guibas 1995)"));
     }
 
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary,
@@ -221,6 +228,9 @@ protected:
                    const LightGroups &groups) const;
 
 private:
+    // The MIS weight of one sample with density `pdf` against another technique.
+    template <class Float>
+    Float mis_weight(Float pdf, Float other_pdf) const;
     // The MIS weight of hitting a light that light sampling samples with density `light_pdf`.
     template <class Float>
     Float weight_of_hit(const PathState<Float> &path, Float light_pdf) const;
@@ -239,25 +249,27 @@ private:
                  Walk<Medium> &walk) const;
 };
 
-// Veach 1997, equation 9.13 with beta = 2, for one sample of each strategy.
+// Veach 1997, equations 9.8 to 9.13; the power heuristic with beta = 2.
 template <class Float>
-Float power_heuristic(Float pdf, Float other_pdf) {
+Float Path::mis_weight(Float pdf, Float other_pdf) const {
     const Float ratio = other_pdf / pdf;
-    return 1 / (1 + ratio * ratio);
+    if (heuristic == Heuristic::power) return 1 / (1 + ratio * ratio);
+    if (heuristic == Heuristic::balance) return 1 / (1 + ratio);
+    return select(pdf > other_pdf, Float(1), select(pdf == other_pdf, Float(0.5f), Float(0)));
 }
 
 template <class Float>
 Float Path::weight_of_hit(const PathState<Float> &path, Float light_pdf) const {
     if (strategy == Strategy::bsdf) return 1;
     const Float shared = strategy == Strategy::light ? select(light_pdf > 0.0f, Float(0), Float(1))
-                                                     : power_heuristic(path.pdf, light_pdf);
+                                                     : mis_weight(path.pdf, light_pdf);
     return select(path.delta, Float(1), shared);
 }
 
 template <class Float>
 Float Path::weight_of_light(const DirectSample<Float> &light, Float path_pdf) const {
     if (strategy == Strategy::light) return 1;
-    const Float shared = strategy == Strategy::bsdf ? Float(0) : power_heuristic(light.pdf, path_pdf);
+    const Float shared = strategy == Strategy::bsdf ? Float(0) : mis_weight(light.pdf, path_pdf);
     return select(light.delta, Float(1), shared);
 }
 

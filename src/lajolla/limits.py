@@ -25,6 +25,8 @@ LIMITS: dict[str, tuple[tuple[int, int], ...]] = {
 # 24 bits, B44 changes 16-bit ones, and DWA changes colours.
 COMPRESSIONS = ("none", "rle", "zip", "zips", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab")
 
+STRATEGIES = ("mis", "bsdf", "light")  # of the integrators path and volpath
+
 
 class OptionError(ValueError):
     """A render option that does not fit the scene."""

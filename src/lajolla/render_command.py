@@ -46,6 +46,7 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
             sampler=arguments.sampler,
             integrator=arguments.integrator,
             max_depth=arguments.max_depth,
+            strategy=arguments.strategy,
             sensor=arguments.sensor,
             hide_emitters=arguments.hide_emitters,
             aovs=arguments.aovs,

@@ -11,7 +11,18 @@ import numpy as np
 
 from lajolla.arguments import replay_command
 
-OPTIONS = ("size", "crop", "seed", "sampler", "integrator", "max_depth", "sensor", "hide_emitters", "spp")
+OPTIONS = (
+    "size",
+    "crop",
+    "seed",
+    "sampler",
+    "integrator",
+    "max_depth",
+    "strategy",
+    "sensor",
+    "hide_emitters",
+    "spp",
+)
 
 
 def command_for(
