@@ -5,11 +5,17 @@
 #include <numbers>
 #include <unordered_map>
 
+#include "base/math.h"
+
 namespace lajolla {
 
 namespace {
 
 constexpr double pi_d = std::numbers::pi;
+
+// Of weights for tangents, for which float's precision suffices.
+double cosine(double x) { return cos(static_cast<float>(x)); }
+double sine(double x) { return sin(static_cast<float>(x)); }
 
 Vec3d cross(const Vec3d &a, const Vec3d &b) {
     return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
@@ -34,15 +40,15 @@ struct Fan {
 // Tangents at a vertex without creases (Halstead et al. 1993, appendix).
 std::array<Vec3d, 2> smooth_tangents(const Fan &fan) {
     const auto n = static_cast<double>(fan.size());
-    const double c = std::cos(2 * pi_d / n);
-    const double edge = 1 + c + std::cos(pi_d / n) * std::sqrt(2 * (9 + c));
+    const double c = cosine(2 * pi_d / n);
+    const double edge = 1 + c + cosine(pi_d / n) * std::sqrt(2 * (9 + c));
     std::array<Vec3d, 2> result{};
     for (std::size_t i = 0; i < fan.size(); ++i) {
         const double here = 2 * pi_d * static_cast<double>(i) / n, next = here + 2 * pi_d / n;
-        add(result[0], edge * std::cos(here), fan.edges[i]);
-        add(result[0], std::cos(here) + std::cos(next), fan.diagonals[i]);
-        add(result[1], edge * std::sin(here), fan.edges[i]);
-        add(result[1], std::sin(here) + std::sin(next), fan.diagonals[i]);
+        add(result[0], edge * cosine(here), fan.edges[i]);
+        add(result[0], cosine(here) + cosine(next), fan.diagonals[i]);
+        add(result[1], edge * sine(here), fan.edges[i]);
+        add(result[1], sine(here) + sine(next), fan.diagonals[i]);
     }
     return result;
 }
@@ -59,13 +65,13 @@ std::array<Vec3d, 2> crease_tangents(const Fan &fan) {
         add(result[1], 1, fan.edges.back());
         return result;
     }
-    const double theta = pi_d / static_cast<double>(k), r = (std::cos(theta) + 1) / std::sin(theta);
-    const double ends = -r * (1 + 2 * std::cos(theta));
+    const double theta = pi_d / static_cast<double>(k), r = (cosine(theta) + 1) / sine(theta);
+    const double ends = -r * (1 + 2 * cosine(theta));
     add(result[1], ends, fan.edges.front());
     add(result[1], ends, fan.edges.back());
     for (std::size_t i = 0; i < k; ++i) {
-        const double here = std::sin(static_cast<double>(i) * theta);
-        const double next = std::sin(static_cast<double>(i + 1) * theta);
+        const double here = sine(static_cast<double>(i) * theta);
+        const double next = sine(static_cast<double>(i + 1) * theta);
         if (i > 0) add(result[1], 4 * here, fan.edges[i]);
         add(result[1], here + next, fan.diagonals[i]);
     }

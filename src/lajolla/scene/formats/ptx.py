@@ -24,6 +24,7 @@ from .packing import inflated
 from .voxels import VoxelError
 
 Array = npt.NDArray[np.generic]
+Faces = npt.NDArray[np.void]  # as `FACE` describes them
 
 QUADS = 1  # the type of mesh
 MAX_LOG_SIZE = 15  # of a face
@@ -40,7 +41,7 @@ class Header(NamedTuple):
     """The first bytes of a file."""
 
     magic: bytes
-    version: int
+    format_version: int
     mesh_type: int
     data_type: int
     alpha: int
@@ -95,7 +96,7 @@ class _Reader:
     budget: Budget
 
     def read(self) -> PtexFile:
-        header = Header(*self._unpacked(HEADER, 0))
+        header = Header._make(self._unpacked(HEADER, 0))
         _check(header)
         extended = self._extended(header)
         at = HEADER.size + header.extended_size
@@ -144,7 +145,7 @@ class _Reader:
         if edits > 4 and any(self.data[first + 1 : first + 5]):
             raise PictureError("it has edits, which are not supported; write it anew with Disney's ptxutils")
 
-    def _check_faces(self, faces: Array, pixel: int) -> None:
+    def _check_faces(self, faces: Faces, pixel: int) -> None:
         """Limits the pictures, before memory is reserved for them."""
         if (faces["size"] > MAX_LOG_SIZE).any():
             raise PictureError(f"a face has more than 2^{MAX_LOG_SIZE} texels along an edge")
@@ -161,7 +162,7 @@ class _Reader:
         self,
         header: Header,
         kind: np.dtype[np.generic],
-        faces: Array,
+        faces: Faces,
         constants: bytes,
         level: tuple[int, ...],
         at: int,
@@ -262,8 +263,8 @@ class _Block:
 def _check(header: Header) -> None:
     if header.magic != b"Ptex":
         raise PictureError("it is none")
-    if header.version != 1:
-        raise PictureError(f"its version is {header.version}; only version 1 is supported")
+    if header.format_version != 1:
+        raise PictureError(f"its version is {header.format_version}; only version 1 is supported")
     if header.mesh_type != QUADS:
         raise PictureError("it is for meshes of triangles; only those of quads are supported")
     if header.data_type >= len(TYPES):
@@ -286,5 +287,5 @@ def _channels(header: Header) -> list[int]:
     return colours
 
 
-def _is_constant(faces: Array) -> npt.NDArray[np.bool_]:
+def _is_constant(faces: Faces) -> npt.NDArray[np.bool_]:
     return (faces["flags"] & CONSTANT > 0) | (faces["size"].sum(1) == 0)

@@ -41,7 +41,7 @@ def _file_shape(loader: str) -> Callable[[Context, Node, Values], Entry | list[P
             raise SceneError(f"{node} takes max_smooth_angle or subdivision, not both", place)
         if loader in WITH_POLYGONS and (settings is not None or uses_ptex(node)):
             options["polygons"] = True
-        key = (loader, identity(path), *sorted(options.items()))
+        key: tuple[Any, ...] = (loader, identity(path), *sorted(options.items()))
         mesh = context.read(key, lambda: _load(context, loader, path, options, location))
         if mesh.face_normals:
             values["face_normals"] = True
