@@ -129,7 +129,12 @@ def test_sampled_points_are_where_rays_meet_the_shape(lit: Lit) -> None:
     error = EXACT * largest(s["position"])
     assert np.abs(hits["position"] - s["position"])[near].max() < 2 * error
     assert ((s["normal"] * hits["normal"]).sum(1)[near] > 1 - 1e-5).all()
-    assert (s["position_error"] > 0).all() and (s["position_error"] == hits["position_error"])[near].all()
+    assert (s["position_error"] > 0).all()
+    if lit.shape["type"] == "sphere":  # hits are more exact than sampled points
+        off = np.linalg.norm(s["position"] - hits["position"], axis=1)
+        assert (off < 2 * s["position_error"])[near].all()
+    else:
+        assert (s["position_error"] == hits["position_error"])[near].all()
     same = near & (hits["primitive"] == s["primitive"])
     assert same.mean() > 0.99
     if lit.shape["type"] in ("mesh", "rectangle"):

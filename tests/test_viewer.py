@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from viewer_tools import SCENE, Client, is_whole, viewer
+from viewer_tools import SCENE, Client, finished, moved, viewer
 
 import lajolla
 from lajolla.cli import main
@@ -38,22 +38,6 @@ def scene(tmp_path: Path) -> Path:
 def client(scene: Path) -> Iterator[Client]:
     with viewer(scene, "--size", "192x128") as address, Client(address) as client:
         yield client
-
-
-def moved(x: float) -> dict[str, object]:
-    """The camera at another place."""
-    return {"sensor.to_world": [[-1, 0, 0, x], [0, 1, 0, 0], [0, 0, -1, 4], [0, 0, 0, 1]]}
-
-
-def finished(client: Client, view: int) -> np.ndarray:
-    """The last picture of a view."""
-    while client.messages.get("viewed", {}).get("view", -1) < view:
-        client.receive()
-    last = client.wait_for("progress", state="finished")["picture"]
-    while client.picture is None or client.picture.number < last:
-        client.receive()
-    assert client.picture.view >= view
-    return client.picture.pixels
 
 
 # --- pictures -----------------------------------------------------------------------------------------------
@@ -379,7 +363,7 @@ def test_a_render_that_fails_says_why_and_goes_on_after_a_change(
             pass
         assert "the render ended: ZeroDivisionError" in json.loads(text)["message"]
     session.post(Message("edit", {"values": {"sensor.fov": 30.0}}))
-    while not isinstance(picture := told.get(timeout=20), Picture) or not is_whole(picture):
+    while not isinstance(picture := told.get(timeout=20), Picture) or not picture.is_whole:
         pass
     assert picture.view == 1 and "failed" not in session.state
     session.close()

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from browser_tools import chromium
 from OpenImageIO import ImageInput
-from viewer_tools import SCENE, viewer
+from viewer_tools import SCENE, SENSORS, render, viewer
 
 import lajolla
 
@@ -247,6 +247,60 @@ def test_a_page_connects_again(browser: Chrome, scene: Path) -> None:
         page.pointer([(0, 0), (40, 10), (120, 30)])
         page.finished(1)
     page.until("document.getElementById('notice').textContent.includes('does not answer')")
+
+
+def test_a_lost_graphics_context_is_restored(page: Page) -> None:
+    before = page.screen()
+    page.click("keep")
+    page.run("window.lost = window.lajolla.display.gl.getExtension('WEBGL_lose_context')")
+    page.run("window.lost.loseContext()")
+    page.until("document.getElementById('notice').textContent.includes('graphics context')")
+    page.run("window.lost.restoreContext()")
+    page.until("document.getElementById('notice').textContent === ''")
+    for mode in ("off", "flip"):
+        page.set("compare", mode)
+        assert_near(page.screen(), before)
+
+
+def test_another_sensor_and_saving(browser: Chrome, scene: Path) -> None:
+    from selenium.webdriver import Keys
+    from selenium.webdriver.common.by import By
+
+    scene.write_text(SENSORS)
+    with viewer(scene) as address:
+        page = Page(browser, address, scene.with_name("screen.png"))
+        page.finished()
+        page.set("sensor", "side")
+        page.finished(1)
+        assert page.run("return window.lajolla.camera.matrix")[0][3] == 4
+        page.run("document.querySelectorAll('details').forEach((d) => (d.open = true))")
+        name = browser.find_element(By.ID, "save-name")
+        assert name.get_attribute("value") == "scene-edited.xml"
+        name.send_keys(Keys.ENTER)
+        page.until("document.getElementById('notice').textContent.startsWith('wrote')")
+        shown = page.screen()
+        page.set("sensor", "front")
+        page.finished(2)
+        assert page.run("return window.lajolla.camera.matrix")[2][3] == 4
+        assert np.abs(page.screen() - shown).mean() > 0.01
+        name.send_keys(Keys.ENTER)
+        page.until("document.getElementById('notice').textContent.includes('scene-edited.xml exists')")
+        assert page.problems() == []
+    assert lajolla.load(scene.with_name("scene-edited.xml"))["sensor.to_world"][0, 3] == 4
+
+
+def test_a_page_of_a_render_keeps_the_last_picture(browser: Chrome, scene: Path) -> None:
+    with render(scene, 1 << 16) as (address, process):
+        page = Page(browser, address, scene.with_name("screen.png"))
+        page.until("window.lajolla.display.pictures.picture && document.querySelector('[data-path]')")
+        assert page.run("return document.querySelectorAll('[data-path]:not(:disabled)').length") == 0
+        assert not page.run("return document.getElementById('pause').offsetParent")
+        process.terminate()
+        page.until("document.getElementById('notice').textContent.startsWith('The render has ended; wrote')")
+        assert process.wait(timeout=20) == 143
+        page.until("window.lajolla.connection.socket.readyState === WebSocket.CLOSED")
+        assert page.run("return window.lajolla.display.pictures.picture.number") > 0
+        assert page.problems() == []
 
 
 def test_every_control_can_be_reached_with_the_keyboard(page: Page) -> None:

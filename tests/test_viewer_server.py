@@ -158,6 +158,7 @@ MALFORMED = [
     *('{"type": "inspect", "x": 0}', '{"type": "inspect", "x": -1, "y": 0}'),
     *('{"type": "inspect", "x": 1e99, "y": 0}', '{"type": "inspect", "x": true, "y": 0}'),
     *('{"type": "inspect", "x": NaN, "y": 0}', '{"type": "crop", "window": [0, 0, 1]}'),
+    *('{"type": "save"}', '{"type": "save", "name": 1}', '{"type": "look", "sensor": null}'),
     *('{"type": "edit", "values": {}}', '{"type": "edit", "values": {"a": {"type": "bitmap"}}}'),
     *('{"type": "edit", "values": {"a": [[[1]]]}}', '{"type": "edit", "values": {"a": Infinity}}'),
     *('{"type": "edit", "values": {"a": null}}', '{"type": "samples", "limit": 0}'),

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+import numpy as np
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
@@ -31,6 +32,11 @@ SCENE = """<scene version="3.0.0">
     <emitter type="constant" id="sky"/>
 </scene>
 """
+FRONT = SCENE[SCENE.index("    <sensor") : SCENE.index("    <bsdf")].replace(">", ' id="front">', 1)
+SIDE = FRONT.replace("front", "side").replace("0, 0, 4", "4, 0, 0").replace('"40"', '"60"')
+SENSORS = SCENE.replace("    <bsdf", f"{FRONT}{SIDE}    <bsdf", 1).replace(
+    FRONT.replace(' id="front"', ""), "", 1
+)
 
 
 @contextmanager
@@ -45,6 +51,22 @@ def viewer(scene: Path, *options: str) -> Iterator[str]:
             process.terminate()  # Ctrl-C is ignored by tests that run in the background of a shell
             process.communicate(timeout=20)
     assert process.returncode == 128 + signal.SIGTERM
+
+
+SIZE = ("--size", "192x128", "--seed", "3")
+
+
+@contextmanager
+def render(scene: Path, spp: int, *options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """The address of the page of a render, and its process, which is ended afterwards."""
+    words = ["render", str(scene), "--spp", str(spp), "-o", str(scene.with_name("out.exr")), *SIZE]
+    command = [sys.executable, "-m", "lajolla", *words, "--view", "--no-browser", "--quiet", *options]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        try:
+            yield process.stderr.readline().strip().removeprefix("lajolla: the page is "), process
+        finally:
+            process.kill()
 
 
 def origin_of(address: str) -> str:
@@ -104,12 +126,23 @@ class Client:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             picture = self.picture
-            if picture is not None and picture.view >= view and (not whole or is_whole(picture)):
+            if picture is not None and picture.view >= view and (not whole or picture.is_whole):
                 return picture
             self.receive(max(end - time.monotonic(), 0.01))
         raise TimeoutError(f"no picture of view {view}")
 
 
-def is_whole(picture: Picture) -> bool:
-    """Whether it is no preview."""
-    return picture.pixels.shape[:2] == (picture.window[3], picture.window[2])
+def moved(x: float) -> dict[str, object]:
+    """The camera at another place."""
+    return {"sensor.to_world": [[-1, 0, 0, x], [0, 1, 0, 0], [0, 0, -1, 4], [0, 0, 0, 1]]}
+
+
+def finished(client: Client, view: int) -> np.ndarray:
+    """The last picture of a view."""
+    while client.messages.get("viewed", {}).get("view", -1) < view:
+        client.receive()
+    last = client.wait_for("progress", state="finished")["picture"]
+    while client.picture is None or client.picture.number < last:
+        client.receive()
+    assert client.picture.view >= view
+    return client.picture.pixels

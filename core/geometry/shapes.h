@@ -74,11 +74,11 @@ Float intersect_sphere(const Vec3f &center, float radius, const Ray<Float> &ray)
     const Double squared = dot(d, d), middle = -(dot(p, d) / squared);
     const Vec3<Double> chord_centre = p + d * middle;
     const Double height = Double(radius) * Double(radius) - dot(chord_centre, chord_centre);
-    const Double half = root_in_double(height) / root_in_double(squared);
+    const Double length = root_in_double(squared), half = root_in_double(height) / length;
     const Float t0 = to_float(middle - half), t1 = to_float(middle + half);
-    const auto within = [&](const Float &t) {
-        return to_float(height) >= 0.0f && t > ray.near && t < ray.far;
-    };
+    // Origins are rounded, so that those on a sphere may be on either side of it.
+    const Float least = max(ray.near, 0x1p-22f * max_component(abs(ray.origin)) / to_float(length));
+    const auto within = [&](const Float &t) { return to_float(height) >= 0.0f && t > least && t < ray.far; };
     return select(within(t0), t0, select(within(t1), t1, Float(infinity)));
 }
 

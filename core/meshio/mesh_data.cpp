@@ -17,6 +17,7 @@ struct Vector {
 std::optional<Vec3f> unit(const Vector &v) {
     double length = std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
     if (!(length > 0) || !std::isfinite(length)) return std::nullopt;
+    if (std::abs(length - 1) < 2e-7) length = 1; // as near as float32 comes: what was written once stays
     return Vec3f(static_cast<float>(v.x / length), static_cast<float>(v.y / length),
                  static_cast<float>(v.z / length));
 }

@@ -78,6 +78,10 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
         parser.error("--sample needs --pixel")
     if arguments.all_sensors and (arguments.sensor is not None or arguments.pixel is not None):
         parser.error("--all-sensors cannot be combined with --sensor or --pixel")
+    if (arguments.port or arguments.no_browser) and not arguments.view:
+        parser.error("--port and --no-browser need --view")
+    if arguments.view and (arguments.frames is not None or arguments.all_sensors):
+        parser.error("--view shows one render; it cannot be combined with --frames or --all-sensors")
     if arguments.mixed and arguments.cluster is None:
         parser.error("--mixed needs --cluster")
     if arguments.frames is not None and arguments.pixel is not None:
@@ -102,7 +106,17 @@ def _check_render(arguments: argparse.Namespace, parser: Parser) -> None:
 
 
 def _refuse_with_pixel(arguments: argparse.Namespace, parser: Parser) -> None:
-    for name in ("denoise", "checkpoint", "time", "noise", "adaptive", "first_sample", "cluster"):
+    for name in (
+        "denoise",
+        "checkpoint",
+        "time",
+        "noise",
+        "adaptive",
+        "first_sample",
+        "cluster",
+        "tev",
+        "view",
+    ):
         if getattr(arguments, name):
             parser.error(f"--{name.replace('_', '-')} cannot be combined with --pixel")
 
@@ -314,6 +328,14 @@ def _add_render(parser: Parser) -> None:
         action="store_true",
         help="with --cluster: permit other instruction sets, which change the last bits of a picture",
     )
+    _add_tev(group)
+    group.add_argument(
+        "--view",
+        action="store_true",
+        help="show the render in the browser while it goes on, as lajolla view does; the command ends when "
+        "the picture is written, and the page keeps the last one",
+    )
+    _add_page(group)
     group.add_argument(
         "--stats", type=Path, metavar="FILE", help="write times and counts as JSON; - is standard output"
     )
@@ -323,6 +345,26 @@ def _add_render(parser: Parser) -> None:
     group.add_argument(
         "--sample", type=option_values.whole("sample"), metavar="N", help="with --pixel: only this sample"
     )
+
+
+def _add_tev(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--tev",
+        type=option_values.address,
+        metavar="HOST:PORT",
+        help="show the picture and its layers in tev while they are rendered; tev listens at localhost:14158",
+    )
+
+
+def _add_page(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--port",
+        type=option_values.whole("port"),
+        default=0,
+        metavar="N",
+        help="of the page (default: any free one)",
+    )
+    group.add_argument("--no-browser", action="store_true", help="only print the page's address")
 
 
 def _add_series(parser: Parser) -> argparse._ArgumentGroup:
@@ -352,10 +394,8 @@ def _add_view(parser: Parser) -> None:
         help="render until this relative error of the picture, as estimated",
     )
     group.add_argument("--compare", type=Path, metavar="PICTURE", help="picture to compare with in the page")
-    group.add_argument(
-        "--port", type=option_values.whole("port"), default=0, metavar="N", help="default: any free one"
-    )
-    group.add_argument("--no-browser", action="store_true", help="only print the address")
+    _add_page(group)
+    _add_tev(group)
     group.add_argument(
         "--threads", type=option_values.whole("threads"), metavar="N", help="number of threads (default: all)"
     )

@@ -22,6 +22,7 @@ examples:
   lajolla render scene.xml --noise 1% --time 2h --checkpoint scene.ckpt
   lajolla render scene.xml --noise 1% --time 2h --resume scene.ckpt       after a crash
   lajolla render scene.xml --frames 1-240 -D angle=0..358.5 -o '{frame:04}.png'
+  lajolla render scene.xml --view                     watch it in the browser until the picture is written
 
 Ctrl-C stops rendering and saves the samples so far, denoised with --denoise.""",
     "view": """\
@@ -30,7 +31,7 @@ examples:
   lajolla view scene.xml --size 640x480 --spp 256
   lajolla view scene.xml --no-browser --port 8000     prints the address to open
 
-The address is of this machine alone and has a random token. A change of the scene's file is shown at once.
+The address is of this machine alone and has a random token. A change of a file of the scene is shown at once.
 Ctrl-C ends it. docs/viewer.md describes the page.""",
     "batch": """\
 JOBS is a TOML file with "scene" and long options of lajolla render; those above the first [[job]] belong to

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +29,8 @@ from lajolla.params import Params
 from lajolla.picture_files import ImageWarning
 from lajolla.queries import Intersections, intersections_of, occlusion_of
 from lajolla.render import Progress, Rendering, StopRules, available_threads
-from lajolla.scene import Description, Places, SceneWarning, View
+from lajolla.saving import save
+from lajolla.scene import Description, SceneWarning, View
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -54,7 +57,8 @@ class Scene:
         except Exception as problem:
             raise description.refusal(problem) from None
         # To build it again elsewhere, which needs neither places of errors nor the contents of files.
-        self.description: Description = replace(description, core=core, places=Places(), files={})
+        self.description: Description = replace(description.without_files(), core=core)
+        self._read = description  # as it was read, for `save`
         self.files: Mapping[Any, Any] = description.files  # that were read, for `load(reuse=)`
         self.options = options
         self.sensors = description.sensors  # ids of all sensors, or their numbers
@@ -91,6 +95,11 @@ class Scene:
     def params(self) -> Params:
         """All parameters by readable paths, such as "red.reflectance", to read; see `with_params`."""
         return self._params
+
+    @property
+    def paths(self) -> set[Path]:
+        """All files that it was read from: the scene file, and those that this one names or includes."""
+        return self._read.paths
 
     def __getitem__(self, path: str) -> Any:  # noqa: ANN401
         """The value of a parameter; the same as `params[path]`."""
@@ -231,6 +240,25 @@ class Scene:
     def _describe(self, description: Description) -> None:
         self.description = description
         self._params = self._params.of(description, self._places)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the scene as it is now: the text of its file, with what was changed since it was loaded.
+
+        Loaded again, it renders the same bits. Everything else stays as it was written, and the files that it
+        names stay where they are; arrays that were put in, such as vertices or pixels, are written into a
+        folder beside it. The options of `load` become parts of the file, except `two_sided`, `sampler`, and
+        `aovs`, with a warning.
+
+        Raises:
+            SceneError: a change cannot be written, and the message has its path; or the scene was loaded
+                from a dict.
+            ImageError: the file cannot be written.
+
+        Example:
+            >>> scene["red.reflectance"] = (0.1, 0.2, 0.6)
+            >>> scene.save("blue.xml")
+        """
+        save(self._read, self.description, self.params, Path(path))
 
     @names_checked
     def intersect(

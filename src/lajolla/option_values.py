@@ -34,6 +34,14 @@ def numbers(option: str, text: str, separator: str, form: str) -> tuple[int, ...
     return values
 
 
+def address(text: str) -> tuple[str, int]:
+    """HOST:PORT; an IPv6 address is in brackets."""
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT, such as localhost:14158")
+    return host.removeprefix("[").removesuffix("]"), int(port)
+
+
 def size(text: str) -> tuple[int, ...]:
     return numbers("size", text.lower(), "x", "WIDTHxHEIGHT, such as 640x480")
 

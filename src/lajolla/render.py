@@ -141,11 +141,15 @@ class Rendering:
 
     def image(self) -> Image:
         """The mean of the samples so far."""
-        counts = self.accumulator.pixel_counts()
-        image = developed(self.accumulator.image(), counts, self.channels, self.aovs, self.film)
+        image = self.mean()
         if self.layers is not None:
-            image.layers = self.layers.layers(int(counts.max()))
+            image.layers = self.layers.layers(int(self.accumulator.pixel_counts().max()))
         return image
+
+    def mean(self) -> Image:
+        """The same without the layers that are no means, such as numbers of objects."""
+        counts = self.accumulator.pixel_counts()
+        return developed(self.accumulator.image(), counts, self.channels, self.aovs, self.film)
 
     @names_checked
     def run(self, observe: Callable[[Progress], None] = lambda progress: None) -> None:

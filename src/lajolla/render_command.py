@@ -25,6 +25,7 @@ TYPE_CHECKING = False  # as in `lajolla`
 if TYPE_CHECKING:
     from lajolla.colour import FloatImage
     from lajolla.series import Render
+    from lajolla.tev import Tev
 
 SAVING_SECONDS = 60.0  # between two checkpoints
 
@@ -83,6 +84,11 @@ def command_render(arguments: argparse.Namespace) -> int:
         lajolla.outputs.check(arguments)
     if arguments.denoise:
         lajolla.denoising.check_available()
+    tev = (
+        None
+        if arguments.tev is None
+        else lajolla.tev.Tev(arguments.tev, lambda text: say(f"warning: {text}"))
+    )
     scene = load(arguments)
     for warning in scene.warnings:
         print_message(warning)
@@ -104,7 +110,15 @@ def command_render(arguments: argparse.Namespace) -> int:
     if arguments.resume is not None:
         lajolla.checkpoint.resume(rendering, arguments.resume)
         _warn_of_more_samples(rendering, arguments)
-    return _run_and_save(outputs, scene, rendering, arguments)
+    name = str(outputs[0])
+    shown = [] if tev is None else [partial(_show_in_tev, tev, name, rendering)]
+    if not arguments.view:
+        return _run_and_save(outputs, scene, rendering, arguments, tev, shown)
+    from lajolla.viewer.during_render import page_of_render  # here, as other renders need no server
+
+    names = ", ".join(map(str, outputs))
+    with page_of_render(scene, rendering, arguments, names) as observe:
+        return _run_and_save(outputs, scene, rendering, arguments, tev, [*shown, observe])
 
 
 def _warn_of_more_samples(rendering: lajolla.Rendering, arguments: argparse.Namespace) -> None:
@@ -134,6 +148,8 @@ def _run_and_save(
     scene: lajolla.Scene,
     rendering: lajolla.Rendering,
     arguments: argparse.Namespace,
+    tev: Tev | None,
+    shown: Sequence[Observer],
 ) -> int:
     """Renders, and saves what there is at the end, after an interrupt, or after an error."""
     file = arguments.checkpoint
@@ -151,7 +167,7 @@ def _run_and_save(
                             threads=arguments.threads, observe=patience.stopping(observe)
                         )
                 with displayed() as observe:
-                    rendering.run(patience.stopping(_saving(saver, observe)))
+                    rendering.run(patience.stopping(_saving(saver, _together(observe, *shown))))
         except Exception as error:  # whatever it is, the samples so far are saved
             failure = error
         problem = failure or patience.interrupt
@@ -161,7 +177,7 @@ def _run_and_save(
             if saver is not None:
                 patience.save(saver.write)
             raise patience.interrupt
-        patience.save(_save, outputs, scene, rendering, features, arguments, saver)
+        patience.save(_save, outputs, scene, rendering, features, arguments, saver, tev)
     written = f"wrote {', '.join(map(str, outputs))} ({_summary(scene, rendering)})"
     if failure is not None:
         say(written)
@@ -196,6 +212,21 @@ def _saving(saver: lajolla.checkpoint.Saver | None, observe: Observer) -> Observ
     return observe_and_save
 
 
+def _together(*observers: Observer) -> Observer:
+    """An observer that calls others."""
+
+    def observe_all(progress: lajolla.Progress) -> None:
+        for observe in observers:
+            observe(progress)
+
+    return observe_all
+
+
+def _show_in_tev(tev: Tev, name: str, rendering: lajolla.Rendering, progress: lajolla.Progress) -> None:
+    if progress.samples > 0:
+        tev.offer(name, lambda: lajolla.tev.channels_of(rendering.mean()))
+
+
 def _save(
     outputs: Sequence[lajolla.outputs.Output],
     scene: lajolla.Scene,
@@ -203,6 +234,7 @@ def _save(
     features: Mapping[str, FloatImage] | None,
     arguments: argparse.Namespace,
     saver: lajolla.checkpoint.Saver | None,
+    tev: Tev | None,
 ) -> None:
     """Writes all outputs of a render, denoised if there are features."""
     failures: list[Exception] = []
@@ -219,7 +251,11 @@ def _save(
             picture = picture.denoise(features, threads=arguments.threads)
         except lajolla.DenoiseError as problem:
             failures.append(lajolla.DenoiseError(f"{problem}; the picture was saved as rendered"))
+    if tev is not None:
+        tev.offer(str(outputs[0]), lambda: lajolla.tev.channels_of(picture))
     lajolla.outputs.write_pictures(outputs, picture, arguments)
+    if tev is not None:
+        tev.close()
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         stats = lajolla.outputs.statistics(scene, rendering)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import gc
 import os
 import re
-from collections.abc import Container, Hashable, Iterator, Mapping
+from collections.abc import Container, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -35,7 +35,7 @@ from .formats.images import Pixels
 from .schema import core_schema
 from .syntax.dict_reader import nodes_from_dict
 from .syntax.errors import Blame, Diagnostics, Location, SceneError, SceneWarning, Source, reason_of
-from .syntax.expand import UnknownParameter, expand_file
+from .syntax.expand import Included, UnknownParameter, expand_file
 from .syntax.ids import Member
 from .syntax.nodes import Node
 from .syntax.resolve import follow, resolve
@@ -85,6 +85,21 @@ class Description:
     views: Mapping[str, View] = field(default_factory=dict)  # of all but the one that is used, by these names
     light_groups: tuple[str, ...] = ()  # names of the numbers from 1 on that emitters have as "lightgroup"
     files: Mapping[Hashable, FileContent] = field(default_factory=dict)  # that were read
+    includes: Sequence[Included] = ()  # of other scene files
+    first_sensor: str = ""  # the one that is used unless another is asked for
+    options: Mapping[str, Any] = field(default_factory=dict)  # of `load_description`, with which it was read
+
+    @property
+    def paths(self) -> set[Path]:
+        """All files that it was read from: scene files, and those that they name."""
+        sources = [included.source for included in self.includes]
+        if "scene" in self.places:
+            sources.append(self.places["scene"].source)
+        return {Path(s.name) for s in sources if s.data}.union(*(source.named for source in sources))
+
+    def without_files(self) -> Description:
+        """The same without places in files, and without the contents of these."""
+        return replace(self, places=Places(), files={}, includes=())
 
     def refusal(self, problem: Exception) -> SceneError:
         """The error to raise when the core refuses the description: the core's message at its place.
@@ -148,15 +163,10 @@ def load_description(
         SceneError: the scene cannot be read; the message contains the location and the reason.
         UnknownParameter: the scene does not have one that it must have.
     """
-    tree, builder = _read(path, parameters, strict, required_names, runs=runs)
-    builder = replace(
-        builder,
-        two_sided=two_sided,
-        integrator=integrator,
-        sensor=sensor,
-        known_files=known_files,
-    )
-    return _describe(tree, builder)
+    tree, builder, includes = _read(path, parameters, strict, required_names, runs=runs)
+    asked: dict[str, Any] = {"two_sided": two_sided, "integrator": integrator, "sensor": sensor}
+    description = _describe(tree, replace(builder, known_files=known_files, **asked))
+    return replace(description, includes=includes, options={"parameters": dict(parameters), **asked})
 
 
 @_collector_paused()
@@ -166,7 +176,7 @@ def sensor_names(path: SceneFile, *, parameters: Mapping[str, str] = NO_PARAMETE
     Raises:
         SceneError: the scene cannot be read; the message contains the location and the reason.
     """
-    tree, _ = _read(path, parameters, strict=False)
+    tree, *_ = _read(path, parameters, strict=False)
     return cameras.names(tree.root)
 
 
@@ -204,7 +214,7 @@ def convert(
     from .export.translator import Translator  # the way out, which no render needs
     from .export.write import scene_text
 
-    tree, builder = _read(path, parameters, strict, runs=False)
+    tree, builder, _ = _read(path, parameters, strict, runs=False)
     builder.kept = {}
     description = _describe(tree, builder)
     builder.diagnostics.strict = False  # what is read is read, and what is lost is no mistake
@@ -261,15 +271,16 @@ def _read(
     required_names: Container[str] = (),
     *,
     runs: bool = True,
-) -> tuple[Tree, Builder]:
-    """The nodes of a scene file, and a builder with the folders of its files."""
+) -> tuple[Tree, Builder, list[Included]]:
+    """The nodes of a scene file, a builder with the folders of its files, and what it includes."""
     diagnostics = Diagnostics(strict)
     path, data = _named(file)
     document = expand_file(path, parameters, diagnostics, data=data, required_names=required_names, runs=runs)
     with np.errstate(all="ignore"):
         tree = nodes_from_elements(document.root, diagnostics)
     builder = Builder(diagnostics, document.search_paths)
-    return _opened(tree, builder), replace(builder, members=partial(_members, tree, builder))
+    tree = _opened(tree, builder)
+    return tree, replace(builder, members=partial(_members, tree, builder)), document.includes
 
 
 def _members(tree: Tree, builder: Builder, node: Node) -> Iterator[Node]:
@@ -327,4 +338,5 @@ def _describe(tree: Tree, builder: Builder) -> Description:
         builder.views,
         tuple(builder.light_groups),
         builder.files,
+        first_sensor=cameras.first_name(tree.root),
     )

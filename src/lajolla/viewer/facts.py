@@ -29,6 +29,7 @@ def scene_facts(view: View, layer: str) -> Json:
         "layer": layer,
         "layers": view.layers,
         "integrators": integrators,
+        "sensors": scene.sensors,
         "warnings": [str(warning) for warning in scene.warnings],
         "distance": _distance_ahead(scene),
         "seconds": scene.load_seconds + scene.build_seconds,
@@ -41,6 +42,7 @@ def view_facts(view: View) -> Json:
     sensor = {name: value for name, value in core["sensor"].items() if name != "medium"}
     return {
         "view": view.number,
+        "camera": view.scene.sensor,  # the name of the sensor
         "sensor": sensor,
         "film": core["film"],
         "window": view.window,

@@ -89,6 +89,8 @@ MESSAGES: Mapping[str, Mapping[str, Check]] = {
     "received": {"picture": _whole(0, 2**53)},  # the page has shown a picture and takes another
     "edit": {"values": _edits},  # parameters by their paths
     "choose": {"integrator": _text},
+    "look": {"sensor": _text},  # through another sensor
+    "save": {"name": _text},  # the scene, as a file of this name beside its own
     "show": {"layer": _text},  # "" is the picture
     "crop": {"window": _optional(_window)},
     "limit": {"samples": _optional(_whole(1, 1 << 30))},  # per pixel; null: the scene's number
@@ -151,6 +153,11 @@ class Picture:
     view: int
     window: tuple[int, int, int, int]
     limits: tuple[float, float] | None = None
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is no preview."""
+        return self.pixels.shape[:2] == (self.window[3], self.window[2])
 
 
 # number, view, left, top, width, height of the window, width and height of the pixels, first row of the band,

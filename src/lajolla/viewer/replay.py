@@ -26,17 +26,23 @@ OPTIONS = (
 
 
 def command_for(
-    arguments: argparse.Namespace, integrator: str | None, changes: Mapping[str, Any], x: int, y: int
+    arguments: argparse.Namespace,
+    integrator: str | None,
+    sensor: str | None,
+    changes: Mapping[str, Any],
+    x: int,
+    y: int,
 ) -> str:
     """A command line that prints the radiance of a pixel; one of Python if something was changed.
 
     Args:
         arguments: of the command that opened the scene.
-        integrator: that was chosen since, if any.
+        integrator, sensor: that were chosen since, if any.
         changes: parameters that were changed since, by their paths.
     """
     arguments = argparse.Namespace(**vars(arguments))
     arguments.integrator = integrator or arguments.integrator
+    arguments.sensor = arguments.sensor if sensor is None else sensor
     if not changes:
         return replay_command(arguments, x, y)
     options = {name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None}

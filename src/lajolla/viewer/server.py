@@ -64,6 +64,11 @@ class Page:
     may_send: bool = True  # it has shown the last one
     wake: asyncio.Event = field(default_factory=asyncio.Event)
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether it has all that was offered."""
+        return self.messages.empty() and self.picture is None and self.may_send
+
     def offer(self, item: Picture | str) -> None:
         """Notes what to send."""
         if isinstance(item, Picture):
@@ -105,6 +110,11 @@ class ViewServer:
     def address(self) -> str:
         """What to open in the browser."""
         return f"{self.origin}/{self.token}/"
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether all pages have all that was published."""
+        return all(page.is_idle for page in self.pages)
 
     async def start(self) -> Server:
         """Begins to listen. Raises OSError if the port cannot be used."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import re
 import threading
 import time
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeAlias
-
-import numpy as np
 
 from lajolla import _core
 from lajolla.aovs import IDS
@@ -18,22 +19,26 @@ from lajolla.limits import OptionError
 from lajolla.loaded_scene import Scene
 from lajolla.messages import LajollaWarning
 from lajolla.params import ParamError
+from lajolla.picture_files import ImageError
 from lajolla.render import Progress, RenderCancelled, StopRules
 from lajolla.scene import SceneError
 from lajolla.viewer.facts import depth, scene_facts, view_facts
 from lajolla.viewer.pace import Pace
-from lajolla.viewer.protocol import Message, Picture, event
-from lajolla.viewer.view import View, limits_of
+from lajolla.viewer.protocol import Message
+from lajolla.viewer.shown import Listener, Shown
+from lajolla.viewer.view import View
 
 ALWAYS = 1e-9  # a relative error that is never reached; with it, errors are estimated
 INTERVALS = (0.1, 2.0)  # seconds between two pictures of the same view, at least and at most
 
-Listener: TypeAlias = Callable[["Picture | str"], None]
+FILE_NAME = re.compile(r"[^/\\\0.][^/\\\0]*\.xml", re.IGNORECASE)  # in the same folder, and not hidden
+
 Load: TypeAlias = Callable[["str | None"], Scene]
-REFUSALS = (SceneError, OptionError, ParamError, _core.DescriptionError)
+REFUSALS = (SceneError, OptionError, ParamError, ImageError, _core.DescriptionError)
+OF_SENSOR = ("sensor.", "film.", "rfilter.", "sampler.")  # beginnings of parameters that each sensor has
 
 
-class Session:
+class Session(Shown):
     """Renders a scene in a thread of its own, and tells a listener what there is to show.
 
     Args:
@@ -41,29 +46,27 @@ class Session:
         rules: when the render of the picture ends. Without a number of samples: the scene's.
         threads: of the renderer.
         listener: called in the render's thread, with pictures and with messages for the page.
+        folder: where the page may save the scene.
 
     Attributes:
-        state: the last message of each type, for a page that comes later.
-        latest: the last picture.
-        changes: parameters that were changed, by path.
+        sensor: the name of the one that is looked through.
         opened: is set when the scene was read for the first time, or could not be: then `failure` says why.
     """
 
-    def __init__(self, load: Load, rules: StopRules, threads: int, listener: Listener) -> None:
-        self.load, self.rules, self.threads, self.listener = load, rules, threads, listener
-        self.state: dict[str, str] = {}
-        self.latest: Picture | None = None
-        self.view: View | None = None
-        self.changes: dict[str, Any] = {}
-        self.integrator: str | None = None  # that was chosen instead of the scene's
+    def __init__(
+        self, load: Load, rules: StopRules, threads: int, listener: Listener, folder: Path | None = None
+    ) -> None:
+        super().__init__(listener)
+        self.load, self.rules, self.threads = load, rules, threads
+        self.folder = folder or Path()
+        self.sensor = ""
+        self._of_others: dict[str, dict[str, Any]] = {}  # changes of other sensors
         self.opened = threading.Event()
         self.failure: Exception | None = None
-        self._layer = ""
         self._paused = False
         self._closed = False
         self._pace = Pace()
         self._seen = False  # whether there is a picture of the present view and layer
-        self._pictures = 0
         self._changed = threading.Condition()
         self._pending: list[Message] = []
         self._running: _core.Render | None = None  # what a new message cancels
@@ -111,29 +114,42 @@ class Session:
                 warnings.simplefilter("always", LajollaWarning)
                 getattr(self, f"_{message.type}")(message)
             for warning in found:
-                self._tell("noticed", message=str(warning.message))
+                self.tell("noticed", message=str(warning.message))
         except REFUSALS as problem:
-            self._tell("refused", message=str(problem))
+            self.tell("refused", message=str(problem))
         except Exception as problem:  # a fault of ours: the viewer goes on with the scene that it has
-            self._tell("refused", message=f"{type(problem).__name__}: {problem}")
+            self.tell("refused", message=f"{type(problem).__name__}: {problem}")
 
     def _open(self, changes: Mapping[str, Any]) -> None:
         """Reads the scene, and makes these changes, as far as it has such parameters."""
         scene = self.load(self.integrator)
-        changes = {path: value for path, value in changes.items() if path in scene.params}
-        if changes:
-            scene = scene.with_params(changes)
-        self.changes = dict(changes)
+        for sensor, own in self._of_others.items():
+            if sensor in scene.sensors:
+                scene = _with_changes(scene.with_sensor(sensor), own)[0]
+        if self.chosen_sensor in scene.sensors:
+            scene = scene.with_sensor(str(self.chosen_sensor))
+        scene, self.changes = _with_changes(scene, changes)
+        self._show_scene(scene)
+
+    def _show_scene(self, scene: Scene) -> None:
+        """Begins a view of another scene, or through another sensor."""
+        self.sensor = scene.sensor
         self._look_at(scene)
         assert self.view is not None
-        self._tell("opened", **scene_facts(self.view, self._layer))
+        self.tell("opened", **scene_facts(self.view, self.layer))
 
     def _reload(self, message: Message) -> None:
-        """Reads the scene again, whose file was changed; the camera stays where it is."""
+        """Reads the scene again, one of whose files was changed.
+
+        Cameras stay where they are, and if it was no scene file, everything stays that was changed.
+        """
+        whole, others = not message["is_scene"], self._of_others
         try:
-            self._open({path: value for path, value in self.changes.items() if path.startswith("sensor.")})
+            self._of_others = {name: _kept(own, whole) for name, own in self._of_others.items()}
+            self._open(_kept(self.changes, whole))
         except Exception as problem:
-            self._tell("failed", message=f"the scene could not be read: {problem}")
+            self._of_others = others
+            self.tell("failed", message=f"the scene could not be read: {problem}")
 
     def _choose(self, message: Message) -> None:
         """Another integrator."""
@@ -144,13 +160,36 @@ class Session:
             self.integrator = before
             raise
 
+    def _look(self, message: Message) -> None:
+        """Looks through another sensor; what was changed of either one stays with it."""
+        scene, before = self._scene(), self.sensor
+        changed = scene.with_sensor(message["sensor"])
+        own = {path: value for path, value in self.changes.items() if path.startswith(OF_SENSOR)}
+        shared = {path: value for path, value in self.changes.items() if path not in own}
+        if changed is not scene:
+            self._of_others[before] = own
+            self.changes = {**shared, **self._of_others.pop(changed.sensor, {})}
+            self.chosen_sensor = changed.sensor
+        self._show_scene(changed)
+
+    def _save(self, message: Message) -> None:
+        """Saves the scene as a new file in its folder."""
+        name = message["name"]
+        if not FILE_NAME.fullmatch(name):
+            raise OptionError(f"{name!r} is no name of a file beside the scene: NAME.xml")
+        target = self.folder / name
+        if os.path.lexists(target):
+            raise OptionError(f"{name} exists; choose another name")
+        self._scene().save(target)
+        self.tell("noticed", message=f"wrote {target}")
+
     def _look_at(self, scene: Scene) -> None:
         """Begins another view."""
         number = 0 if self.view is None else self.view.number + 1
         self.view = View(scene, number, self._rules(scene), self.threads)
         self._seen = False
         self.state.pop("failed", None)
-        self._tell("viewed", **view_facts(self.view))
+        self.tell("viewed", **view_facts(self.view))
 
     def _rules(self, scene: Scene) -> StopRules:
         """When the render of the picture ends: by itself if nothing was asked for."""
@@ -189,8 +228,8 @@ class Session:
         name = message["layer"]
         if self.view is not None and name and name not in self.view.layers:
             raise OptionError(f"there is no layer {name!r}")
-        self._seen = self._seen and self._layer == name
-        self._layer = name
+        self._seen = self._seen and self.layer == name
+        self.layer = name
 
     def _limit(self, message: Message) -> None:
         self.rules = replace(self.rules, spp=message["samples"])
@@ -199,7 +238,7 @@ class Session:
 
     def _pause(self, message: Message) -> None:
         self._paused = True
-        self._tell_progress("paused")
+        self.tell_progress("paused")
 
     def _resume(self, message: Message) -> None:
         self._paused = False
@@ -216,7 +255,7 @@ class Session:
         except RenderCancelled:  # now, or by a message that came between two passes
             return False
         except Exception as problem:
-            self._tell("failed", message=f"the render ended: {type(problem).__name__}: {problem}")
+            self.tell("failed", message=f"the render ended: {type(problem).__name__}: {problem}")
         finally:
             with self._changed:
                 self._running = None
@@ -224,22 +263,22 @@ class Session:
 
     def _preview(self, view: View) -> None:
         """Pictures with few pixels; the first one is shown even if the view has changed meanwhile."""
-        for divisor in self._pace.divisors(self._layer, view.scene.width * view.scene.height):
+        for divisor in self._pace.divisors(self.layer, view.scene.width * view.scene.height):
             if self._seen and self._pending:
                 return
             start = time.perf_counter()
             begun = self._cancellable if self._seen else lambda render: None
-            pixels = view.preview(self._layer, divisor, begun)
+            pixels = view.preview(self.layer, divisor, begun)
             if pixels is None:
                 return
-            self._pace.measure(self._layer, pixels.shape[0] * pixels.shape[1], time.perf_counter() - start)
+            self._pace.measure(self.layer, pixels.shape[0] * pixels.shape[1], time.perf_counter() - start)
             self._publish(view, pixels)
 
     def _accumulate(self, view: View) -> None:
-        layer = self._layer
+        layer = self.layer
         if layer in IDS:
             self._publish(view, view.picture(layer))
-            return self._tell_progress("finished")
+            return self.tell_progress("finished")
         rendering = view.rendering(layer)
         start = shown = time.perf_counter()
         pixels, before = view.scene.width * view.scene.height, rendering.samples
@@ -255,11 +294,15 @@ class Session:
                 self._publish(view, view.picture(layer))
                 self._cancellable(rendering.accumulator)
                 shown = now
-            self._tell_progress("rendering", progress)
+            self.tell_progress("rendering", progress)
 
         rendering.run(observe)
         self._publish(view, view.picture(layer))
-        return self._tell_progress("finished")
+        return self.tell_progress("finished")
+
+    def _publish(self, view: View, pixels: FloatImage) -> None:
+        self._seen = True
+        self.publish(view, pixels)
 
     def _cancellable(self, render: _core.Render) -> None:
         """Lets messages cancel a render from now on; it is cancelled at once if there is one already."""
@@ -268,44 +311,16 @@ class Session:
             if self._pending:
                 render.cancel()
 
-    # --- what the page is told ----------------------------------------------------------------------------
 
-    def _publish(self, view: View, pixels: FloatImage) -> None:
-        self._pictures += 1
-        limits = limits_of(self._layer, pixels)
-        self.latest = Picture(pixels, self._pictures, view.number, view.window, limits)
-        self._seen = True
-        self.listener(self.latest)
+def _with_changes(scene: Scene, changes: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
+    """A scene with those changes that it has parameters for, and these."""
+    known = {path: value for path, value in changes.items() if path in scene.params}
+    return scene.with_params(known) if known else scene, known
 
-    def _tell(self, type: str, **fields: object) -> None:
-        text = event(type, **fields)
-        if type not in ("refused", "noticed"):  # these are of the moment
-            self.state[type] = text
-        self.listener(text)
 
-    def _tell_progress(self, state: str, progress: Progress | None = None) -> None:
-        if self.view is None:
-            return
-        rendering = self.view.rendering(self._layer)
-        progress = progress or Progress(
-            rendering.samples, rendering.seconds, rendering.rules, rendering.noise
-        )
-        seconds = max(rendering.seconds, 1e-9)
-        pixels = self.view.scene.width * self.view.scene.height
-        self._tell(
-            "progress",
-            state=state,
-            picture=self._pictures,  # the last one; it may come later than this message
-            fraction=progress.fraction,
-            samples=progress.samples,
-            limit=rendering.rules.spp,
-            seconds=seconds,
-            seconds_left=progress.seconds_left,
-            samples_per_second=progress.samples * pixels / seconds,
-            rays_per_second=float(np.sum(rendering.accumulator.rays)) / seconds,
-            noise=rendering.noise,
-            nonfinite=rendering.accumulator.nonfinite,
-        )
+def _kept(changes: Mapping[str, Any], whole: bool) -> dict[str, Any]:
+    """The changes that stay: all, or those of the camera."""
+    return {path: value for path, value in changes.items() if whole or path.startswith("sensor.")}
 
 
 def merged(messages: list[Message]) -> list[Message]:

@@ -44,12 +44,7 @@ class View:
     def layers(self) -> dict[str, str]:
         """The names of what can be shown beside the picture, with descriptions."""
         shown = {name: variable.doc for name, variable in AOVS.items() if variable.field or name in IDS}
-        groups = dict.fromkeys(label.rpartition(".")[0] or label for label in self.scene.core.channels)
-        return {
-            **shown,
-            SAMPLES: AOVS[SAMPLES].doc,
-            **{name: AOVS[name].doc if name in AOVS else "" for name in groups},
-        }
+        return {**shown, **layers_of(self.scene.core.channels)}
 
     def rendering(self, layer: str) -> Rendering:
         """The render that a layer is a part of; begun if there is none."""
@@ -100,7 +95,8 @@ class View:
         begun(render)
         if not render.advance(1, self.threads):
             return None
-        return _of_layer(render.image(), layer, core.channels, render.pixel_counts())
+        own = "" if _is_field(layer) else layer
+        return of_layer(render.image(), own, core.channels, render.pixel_counts())
 
     def picture(self, layer: str) -> FloatImage:
         """A layer of what is rendered so far, (height, width, 3)."""
@@ -108,7 +104,8 @@ class View:
             return _id_colours(self.scene.core, layer, self.threads)
         rendering = self.rendering(layer)
         counts = rendering.accumulator.pixel_counts()
-        return _of_layer(rendering.accumulator.image(), layer, rendering.channels, counts)
+        own = "" if _is_field(layer) else layer
+        return of_layer(rendering.accumulator.image(), own, rendering.channels, counts)
 
 
 def limits_of(layer: str, pixels: FloatImage) -> Limits | None:
@@ -128,9 +125,15 @@ def _is_field(layer: str) -> bool:
     return layer in AOVS and bool(AOVS[layer].field)
 
 
-def _of_layer(means: FloatImage, layer: str, channels: list[str], counts: NDArray[np.uint32]) -> FloatImage:
+def layers_of(channels: list[str]) -> dict[str, str]:
+    """The layers that the channels of a render are, and the numbers of samples, with descriptions."""
+    groups = [SAMPLES, *(label.rpartition(".")[0] or label for label in channels)]
+    return {name: AOVS[name].doc if name in AOVS else "" for name in groups}
+
+
+def of_layer(means: FloatImage, layer: str, channels: list[str], counts: NDArray[np.uint32]) -> FloatImage:
     """The three numbers of each pixel that a layer has among all of a render."""
-    if layer == "" or _is_field(layer):
+    if layer == "":
         return means[..., :3]
     if layer == SAMPLES:
         return np.repeat(counts.astype(np.float32)[..., None], 3, axis=2)

@@ -435,6 +435,8 @@ class Builder:
             if where == "bsdfs":
                 self.transmissive.append(self._is_transmissive(entry, node))
             self.indices[key] = self.add(where, entry, node)
+        else:
+            self.places.note_same(f"{where}[{self.indices[key]}]", node.location)
         return self.indices[key]
 
     @staticmethod

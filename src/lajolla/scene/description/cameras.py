@@ -73,6 +73,12 @@ def names(scene: Node) -> tuple[str, ...]:
     return tuple(camera.id or str(i) for i, camera in enumerate(scene.outermost("sensor")))
 
 
+def first_name(scene: Node) -> str:
+    """The name of the camera that is used unless another is asked for; "" if there is none."""
+    known = names(scene)
+    return known[-1 if scene.unsaid.last_sensor else 0] if known else ""
+
+
 def chosen(builder: Builder, scene: Node) -> Node | None:
     """The camera selected by number or id; by default the first, or the last for files before version 2.
 
@@ -86,7 +92,7 @@ def chosen(builder: Builder, scene: Node) -> Node | None:
         return cameras[0] if cameras else None
     position = len(cameras) - 1 if scene.unsaid.last_sensor else 0
     listed = ", ".join(names(scene))
-    message = f'the scene has {len(cameras)} sensors, {listed}; "{names(scene)[position]}" is used'
+    message = f'the scene has {len(cameras)} sensors, {listed}; "{first_name(scene)}" is used'
     builder.diagnostics.warn(message, cameras[position].location)
     return cameras[position]
 

@@ -135,6 +135,7 @@ class Places(dict[str, Location]):
 
     def __init__(self) -> None:
         super().__init__()
+        self.others: dict[str, list[Location]] = {}  # of objects that are the same as an entry's
         self._runs: list[tuple[str, int, Run, Sequence[int]]] = []
 
     def add_run(self, where: str, first: int, run: Run, members: Sequence[int]) -> None:
@@ -145,8 +146,13 @@ class Places(dict[str, Location]):
         """The same with other places of some entries."""
         result = Places()
         result.update({**self, **places})
-        result._runs = self._runs
+        result.others, result._runs = self.others, self._runs
         return result
+
+    def note_same(self, entry: str, place: Location) -> None:
+        """Notes that an entry stands for another object too."""
+        if place != self.get(entry) and place not in self.others.setdefault(entry, [])[-1:]:
+            self.others[entry].append(place)
 
     def find(self, entry: str) -> Location | None:
         """The location of an entry; None if unknown."""

@@ -450,6 +450,10 @@ def _hierarchical_volume(translation: Translation, read: Node, node: Node) -> No
     return having(result, to_world=entry["to_world"], filename=name)
 
 
+def _panorama(translation: Translation, read: Node, node: Node) -> Node | None:
+    return _without(translation, node, "theta_max")
+
+
 def _daylight(translation: Translation, read: Node, node: Node) -> Node | None:
     """Sun and sky in the same place; the sky ends at the horizon."""
     values = translation.builder.construction(read).values
@@ -472,6 +476,7 @@ ADAPTERS: dict[tuple[str, str], Adapter] = {
     ("sensor", "distant"): _one_pixel,
     ("rfilter", "box"): _box,
     ("emitter", "projector"): _projector,
+    ("emitter", "envmap"): _panorama,
     ("emitter", "spot"): _spot,
     **{("film", name): _film for name in ("film", "hdrfilm", "ldrfilm", "mfilm", "tiledhdrfilm")},
     **{("sampler", name): _sampler for name in ("sobol", "halton", "hammersley", *HAS["sampler"].split())},

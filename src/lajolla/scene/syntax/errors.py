@@ -25,7 +25,8 @@ IN_TAG = re.compile(rb"""(?<=\s)([^\s"'=<>]+)\s*=\s*("[^"]*"|'[^']*')|>""")
 class Source:
     """One scene file: its name as shown in messages, its UTF-8 text, its folder and its format version.
 
-    What is not `quoted` may be no scene at all, but a file that is nobody's business.
+    What is not `quoted` may be no scene at all, but a file that is nobody's business. `named` are the files
+    that its objects name, at the places where they were found, or first looked for.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Source:
     directory: Path
     version: tuple[int, int, int] = (3, 0, 0)
     quoted: bool = True
+    named: set[Path] = field(default_factory=set, repr=False)
 
 
 class Location(NamedTuple):

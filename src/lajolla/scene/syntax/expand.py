@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .element import Element
 from .elements import parse_xml, read_source
-from .errors import Diagnostics, SceneError, Source, did_you_mean
+from .errors import Diagnostics, Location, SceneError, Source, did_you_mean
 from .files import find_file
 
 MAX_INCLUDES = 16  # nested
@@ -25,12 +25,22 @@ TO_EXPAND = re.compile(rb"""\$|<(?:default|include|path|null)\b|\stype\s*=\s*(?:
 MOST_HINTS = 256  # names that are compared with one that is missing
 
 
+@dataclass(frozen=True)
+class Included:
+    """The text of a file where another one includes it."""
+
+    source: Source
+    place: Location  # of the element that includes it
+
+
 @dataclass
 class Document:
-    """A scene's root element, without `default`, `include` and `path`, and the folders its files are in."""
+    """A scene's root element, without `default`, `include` and `path`, the folders its files are in, and what
+    it includes."""
 
     root: Element
     search_paths: list[Path]
+    includes: list[Included]
 
 
 class UnknownParameter(Exception):
@@ -71,7 +81,7 @@ def expand_file(
         if name in required_names:
             raise UnknownParameter(name, known)
         diagnostics.unknown(f'parameter "{name}" is not used{did_you_mean(name, known)}', root.location)
-    return Document(root, [*expander.search_paths, path.parent])
+    return Document(root, [*expander.search_paths, path.parent], expander.includes)
 
 
 @dataclass
@@ -84,6 +94,7 @@ class _Expander:
     used: set[str] = field(default_factory=set)
     search_paths: list[Path] = field(default_factory=list)
     included: set[Path] = field(default_factory=set)
+    includes: list[Included] = field(default_factory=list)
     inclusions: int = 0
     included_once: int = 0  # bytes
     repeated: int = 0  # bytes
@@ -142,6 +153,7 @@ class _Expander:
             raise SceneError(f"files are included more than {MAX_INCLUDES} deep", element.location)
         self._count(path, element)
         root = self.file(path, including, element.source)
+        self.includes.append(Included(root.source, element.location))
         if root.tag == "scene":
             yield from root.children
         else:

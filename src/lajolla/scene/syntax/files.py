@@ -55,6 +55,7 @@ def find_file(name: str, directories: Iterable[Path], location: Location) -> Pat
     wanted = name.replace("\\", "/")
     directories = list(directories)
     if directories and wanted.strip() and os.path.exists(usual := os.path.join(directories[0], wanted)):
+        location.source.named.add(Path(usual))
         return Path(usual)
     searched = list(dict.fromkeys([*directories, Path()]))
     if not wanted.strip() or "\0" in wanted:
@@ -62,7 +63,9 @@ def find_file(name: str, directories: Iterable[Path], location: Location) -> Pat
     for directory, spelling in itertools.product(searched, _spellings(wanted)):
         found = _in_any_case(directory / spelling)
         if found is not None:
+            location.source.named.add(found)
             return found
+    location.source.named.add(searched[0] / wanted)
     where = "" if wanted.startswith("/") else f"; searched: {', '.join(map(str, searched))}"
     raise MissingFile(f'file "{shortened(name)}" not found{where}', location)
 

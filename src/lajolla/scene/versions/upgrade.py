@@ -103,15 +103,21 @@ def _upgrade_names(node: Node) -> None:
     node.plugin = OLD_PLUGINS.get((node.kind, node.plugin.lower()), node.plugin)
     for prop in node.properties:
         name = snake_case(prop.name)
-        prop.name = OLD_PROPERTIES.get((node.kind, name), name)
-        if node.kind == "emitter" and name == "intensity":
-            prop.name = RADIANT.get(node.plugin, name)
+        prop.name = current_name(node.kind, node.plugin, prop.name)
         if node.kind == "film" and name == "alpha" and isinstance(prop.value, bool):
             prop.name, prop.value = "pixel_format", "rgba" if prop.value else "rgb"
     name, synonym = SYNONYMS.get(node.plugin, ("", ""))
     if synonym and node.find(name) is None:
         for prop in node.properties:
             prop.name = name if prop.name == synonym else prop.name
+
+
+def current_name(kind: str, plugin: str, name: str) -> str:
+    """The name of a property in files of today, if old files have another one."""
+    name = snake_case(name)
+    if kind == "emitter" and name == "intensity":
+        return RADIANT.get(plugin, name)
+    return OLD_PROPERTIES.get((kind, name), name)
 
 
 def _upgrade_uv(node: Node) -> None:

@@ -21,6 +21,7 @@ export class Connection {
     };
     this.socket.onmessage = ({ data }) => (typeof data === "string" ? this.text(data) : this.band(data));
     this.socket.onclose = () => {
+      if (this.ended) return;
       this.handlers.closed();
       setTimeout(() => this.open(), this.wait);
       this.wait = Math.min(2 * this.wait, 4000);

@@ -102,16 +102,22 @@ export const CURVES = ["srgb", "linear", "filmic", "aces", "agx", "false"];
 export const COMPARISONS = ["off", "split", "flip", "difference"];
 
 export class Display {
-  constructor(canvas) {
+  // `say` shows a message.
+  constructor(canvas, say) {
     this.canvas = canvas;
-    const gl = (this.gl = canvas.getContext("webgl2", { antialias: false, preserveDrawingBuffer: true }));
-    if (!gl) throw new Error("This browser has no WebGL 2, which shows the pictures.");
-    this.program = linked(gl);
-    this.uniforms = {};
-    for (let i = 0; i < gl.getProgramParameter(this.program, gl.ACTIVE_UNIFORMS); ++i) {
-      const { name } = gl.getActiveUniform(this.program, i);
-      this.uniforms[name] = gl.getUniformLocation(this.program, name);
-    }
+    this.gl = canvas.getContext("webgl2", { antialias: false, preserveDrawingBuffer: true });
+    if (!this.gl) throw new Error("This browser has no WebGL 2, which shows the pictures.");
+    this.prepare();
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault(); // it may be restored
+      say("The browser has lost the graphics context; the picture comes back with it.", true);
+    });
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.prepare();
+      for (const [slot, image] of Object.entries(this.pictures))
+        if (image) this.set(slot, { ...image, texture: undefined });
+      say("");
+    });
     this.pictures = { picture: null, other: null };
     this.film = [1, 1];
     this.zoom = null; // canvas pixels for one of the film; null: as large as it fits
@@ -122,10 +128,21 @@ export class Display {
     matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.draw());
   }
 
+  prepare() {
+    const { gl } = this;
+    this.program = linked(gl);
+    this.uniforms = {};
+    for (let i = 0; i < gl.getProgramParameter(this.program, gl.ACTIVE_UNIFORMS); ++i) {
+      const { name } = gl.getActiveUniform(this.program, i);
+      this.uniforms[name] = gl.getUniformLocation(this.program, name);
+    }
+  }
+
   // Shows pixels { pixels: halves or floats, width, height, window, limits } as "picture" or "other".
   set(slot, image) {
     const gl = this.gl;
-    const texture = this.pictures[slot]?.texture ?? gl.createTexture();
+    const old = this.pictures[slot]?.texture;
+    const texture = old && gl.isTexture(old) ? old : gl.createTexture(); // those of a lost context are none
     const halves = image.pixels instanceof Uint16Array;
     gl.bindTexture(gl.TEXTURE_2D, texture);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 2);
@@ -190,6 +207,7 @@ export class Display {
 
   drawNow() {
     const { gl, canvas, uniforms, settings } = this;
+    if (gl.isContextLost()) return;
     const ratio = devicePixelRatio || 1;
     const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
     const height = Math.max(1, Math.round(canvas.clientHeight * ratio));

@@ -16,14 +16,14 @@ const say = (text, problem = false) => {
 
 let display;
 try {
-  display = new Display(canvas);
+  display = new Display(canvas, say);
 } catch (problem) {
   say(problem.message, true);
   throw problem;
 }
 const camera = new Camera();
 let view = null; // the last message "viewed"
-let home = null; // the placement in the file
+const homes = new Map(); // the first placement of each sensor
 let shownView = -1;
 let moved = false; // the camera, since it was sent
 let movedAt = -Infinity; // when it moved last: what the viewer says of it then is old
@@ -32,8 +32,11 @@ const connection = new Connection({
   open: () => say("Opening the scene …"),
   closed: () =>
     say("The viewer does not answer. It may have been ended; this page connects again by itself.", true),
-  hello: ({ file, reference }) => {
+  hello: (message) => {
+    const { file, reference } = message;
     element("title").textContent = file;
+    panels.hello(message);
+    if (message.fixed) document.body.classList.add("fixed");
     document.title = `${file} – lajolla`;
     if (reference) compareWithReference(display).then(() => panels.compare("split"));
   },
@@ -43,6 +46,7 @@ const connection = new Connection({
     say("");
   },
   viewed: (message) => {
+    if (view && view.camera !== message.camera) movedAt = -Infinity; // another sensor
     view = message;
     display.film = [message.film.width, message.film.height];
     if (!camera.matrix || performance.now() - movedAt > 700) adopt();
@@ -64,16 +68,22 @@ const connection = new Connection({
   noticed: ({ message }) => say(message),
   refused: ({ message }) => say(message, true),
   failed: ({ message }) => say(message, true),
+  ended: ({ message }) => {
+    connection.ended = true;
+    say(message);
+  },
 });
+
+const isFixed = () => document.body.classList.contains("fixed"); // nothing can be changed
 
 const panels = new Panels(connection, display, { say, home: goHome });
 
 // The placement of the camera that the viewer has.
 function adopt() {
   const matrix = view.sensor.to_world;
-  if (!matrix) return;
-  if (!home) {
-    home = matrix;
+  if (!matrix || isFixed()) return;
+  if (!homes.has(view.camera)) {
+    homes.set(view.camera, matrix);
     camera.open(matrix);
   } else camera.matrix = matrix;
 }
@@ -112,6 +122,7 @@ control(canvas, camera, {
 });
 
 function goHome() {
+  const home = homes.get(view?.camera);
   if (!home) return;
   camera.matrix = home;
   moved = true;

@@ -74,6 +74,7 @@ export class Objects {
       for (const input of editor.matches("input, select") ? [editor] : editor.querySelectorAll("input")) {
         input.setAttribute("aria-labelledby", id);
         input.dataset.path = parameter.path;
+        input.disabled = document.body.classList.contains("fixed");
       }
       row.append(label, editor);
     }

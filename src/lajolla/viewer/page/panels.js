@@ -18,6 +18,7 @@ export class Panels {
     this.onRender();
     this.onCamera();
     this.onCompare();
+    this.onSave();
   }
 
   onDisplay() {
@@ -67,7 +68,17 @@ export class Panels {
     element("whole").addEventListener("click", () => this.connection.send("crop", { window: null }));
   }
 
+  onSave() {
+    element("save-form").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.connection.send("save", { name: element("save-name").value });
+    });
+  }
+
   onCamera() {
+    element("sensor").addEventListener("change", ({ target }) =>
+      this.connection.send("look", { sensor: target.value }),
+    );
     element("home").addEventListener("click", () => this.page.home());
     element("focus").addEventListener("click", () => this.choose("focus"));
   }
@@ -128,7 +139,13 @@ export class Panels {
     if (width > 0 && height > 0) this.connection.send("crop", { window: [left, top, width, height] });
   }
 
-  opened({ layers, warnings, layer, integrators }) {
+  hello({ file, folder }) {
+    if (!element("save-name").value)
+      element("save-name").value = `${file.replace(/\.xml$/i, "")}-edited.xml`;
+    element("save-folder").textContent = folder === "." ? "the current folder" : folder;
+  }
+
+  opened({ layers, warnings, layer, integrators, sensors }) {
     this.layers = layers;
     const options = ["", ...Object.keys(layers)].map((name) =>
       made("option", name || "picture", { value: name }),
@@ -142,11 +159,16 @@ export class Panels {
       ...integrators.map((name) => made("option", name, { value: name })),
     );
     element("integrator").value = this.integrator;
+    element("sensor-choice").hidden = sensors.length < 2;
+    element("sensor").replaceChildren(...sensors.map((name) => made("option", name, { value: name })));
+    element("sensor").value = this.sensor;
   }
 
-  viewed({ integrator }) {
+  viewed({ integrator, camera }) {
     this.integrator = integrator;
+    this.sensor = camera;
     element("integrator").value = integrator;
+    element("sensor").value = camera;
     for (const [object, place] of [
       ["sensor", "camera-fields"],
       ["integrator", "integrator-fields"],

@@ -106,7 +106,7 @@ PLUGINS = (
         (FILENAME, *ARRAYS),
         _envmap,
         model="envmap",
-        hidden=("image", "theta_max"),
+        hidden=("image",),
     ),
     Plugin("emitter", "point", "", (PLACE,), _point, model="point"),
     Plugin("emitter", "directional", "", (PLACE,), _directional, model="directional"),

@@ -50,6 +50,9 @@ def _evened_cylinder(values: Values) -> Entry:
     """
     matrix = np.asarray(values.get("to_world", np.eye(4)), float)
     p0 = np.asarray(values.get("p0", (0, 0, 0)), float)
+    scales_nothing = np.max(np.abs(matrix[:3, :3].T @ matrix[:3, :3] - np.eye(3))) < 1e-9
+    if scales_nothing and "to_world" in values and not np.any(p0):
+        return values  # an evened cylinder stays as it is, bit for bit
     axis = np.asarray(values.get("p1", (0, 0, 1)), float) - p0
     length = float(np.linalg.norm(axis))
     if length == 0:

@@ -1,0 +1,384 @@
+"""The changes of a scene since it was read, as changes of its files' texts."""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lajolla.params import Params
+from lajolla.params.objects import KINDS as LISTS
+from lajolla.params.objects import MATERIAL, SINGLE, Entry, Lists, SceneObject, names_by_entry, place_of
+from lajolla.params.values import WITH_OBJECTS
+from lajolla.saving.differences import whole_window
+from lajolla.saving.texts import ElementText, SourceText, Span
+from lajolla.saving.values import PLUGINS, NotWritten, Values, equal, is_plain, material_entry, plain_text
+from lajolla.scene import Description, SceneError
+from lajolla.scene.schema import Field
+from lajolla.scene.syntax.errors import Location, Source
+from lajolla.scene.syntax.nodes import KINDS
+from lajolla.scene.syntax.typed import OLD_KINDS
+from lajolla.scene.versions.upgrade import current_name
+
+OF_VIEW = ("sensor", "film", "rfilter", "sampler")  # what each sensor has of its own
+MEDIA = ("interior", "exterior", "medium")
+FILES = ("filename", "raw", "gamma", "channel")  # properties that say what a file holds
+KIND_IN_FILES = {"adapter": "bsdf", "instance": "shape"}
+KEPT = ("lightgroup",)  # a property that no field of the core's models replaces
+PLACES = {"first": 0, "second": 1, "child": 0, "bsdf": 0}  # of bsdfs among those inside of another object
+RELATIVE = {"conductor": {"ext_eta": 1.0}, "roughconductor": {"ext_eta": 1.0}}  # eta and k are divided by it
+
+
+@dataclass
+class Changed:
+    """An object of the file, of which some fields have other values; it may be there several times."""
+
+    found: SceneObject
+    entry: Entry  # with the new values
+    places: list[Location]
+    names: list[str]
+
+
+@dataclass
+class SceneEdits:
+    """Writes changes into the texts of a scene.
+
+    Attributes:
+        read, now: the scene as it was read, and as it is.
+        folder: where the scene will be.
+        stem: of its name.
+        whole: names of objects of which all values are written.
+    """
+
+    read: Description
+    now: Description
+    params: Params
+    folder: Path
+    stem: str
+    whole: Collection[str] = ()
+    texts: dict[Source, SourceText] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.before = Params(self.read, self.read.places)
+        self.names = names_by_entry(self.params.objects)
+        self.lists = Lists(self.now.core)
+        self.values = Values(self.lists, self._id_of, f"{self.stem}-files")
+        self.main = self.read.places["scene"].source
+
+    def written(self) -> bytes:
+        """The text of the scene; the files that it needs are in `values.files`.
+
+        Raises:
+            SceneError: something cannot be written; the message names the parameter.
+        """
+        for changed in self.changes():
+            try:
+                self._write_all(changed)
+            except NotWritten as problem:
+                paths = ", ".join(f"{changed.found.name}.{name}" for name in changed.names)
+                raise SceneError(f"{paths} cannot be saved: {problem}", *changed.places[:1]) from None
+        self._put_sensor_first()
+        for included in self.read.includes:  # what is inside of another one comes before it
+            if included.source in self.texts:
+                name = self.values.file(".xml", self.texts[included.source].text())
+                self._text(included.place).element(included.place).attributes["filename"] = name
+        main = self._text(self.read.places["scene"])
+        parameters = self.read.options.get("parameters", {})
+        main.first += [ET.Element("default", name=n, value=plain_text(v)) for n, v in parameters.items()]
+        main.first += [ET.Element("path", value=plain_text(folder)) for folder in self._folders()]
+        return main.text()
+
+    def _folders(self) -> Iterator[str]:
+        """The folders of texts that will be in another one, relative to that."""
+        for folder in dict.fromkeys(source.directory.resolve() for source in self.texts):
+            if folder != self.folder.resolve():
+                try:
+                    yield Path(os.path.relpath(folder, self.folder.resolve())).as_posix()
+                except ValueError:  # another drive
+                    yield folder.as_posix()
+
+    def _text(self, place: Location) -> SourceText:
+        return self.texts.setdefault(place.source, SourceText(place.source))
+
+    # --- what differs -------------------------------------------------------------------------------------
+
+    def changes(self) -> Iterator[Changed]:
+        """The objects of the file that differ."""
+        yield from self._of_views()
+        lists = Lists(self.read.core)
+        same = {where for where in LISTS if self.read.core.get(where) is self.now.core.get(where)}
+        for name, found in self.before.objects.items():
+            after = self.params.objects.get(name)
+            if after is None or found.kind in SINGLE or place_of(found.entry)[0] in same:
+                continue
+            old, new = (
+                inside(all_.entry(one.entry), one) for all_, one in ((lists, found), (self.lists, after))
+            )
+            differing = [f.name for f in found.fields.values() if self._differs(f, old, new, name)]
+            differing += self._of_shape(found, old, new)
+            if differing:
+                place = self.read.places.find(found.entry)
+                others = self.read.places.others.get(found.entry, [])
+                yield Changed(after, new, [*([place] if place else []), *others], differing)
+
+    def _of_views(self) -> Iterator[Changed]:
+        """Those that belong to a sensor, and the integrator."""
+        for name in self.read.sensors or ("",):
+            view, shown = self.read.views.get(name), self.now.views.get(name)
+            before = self.read.core if view is None else view.entries
+            after = self.now.core if shown is None else shown.entries
+            if before and after:
+                yield from self._of_view(before, after, self.read.places if view is None else view.places)
+        yield from self._of_view(self.read.core, self.now.core, self.read.places, ("integrator",))
+
+    def _of_view(
+        self,
+        before: Mapping[str, Entry],
+        after: Mapping[str, Entry],
+        places: Mapping[str, Location],
+        kinds: tuple[str, ...] = OF_VIEW,
+    ) -> Iterator[Changed]:
+        for kind in kinds:
+            old, new = before[kind], after[kind]
+            found = SceneObject(kind, kind, "film" if kind == "film" else new["type"], kind)
+            if kind == "sampler":  # all samplers of files are the same
+                found = SceneObject(kind, kind, old["type"], kind)
+            if kind == "film":
+                old, new = whole_window(old), whole_window(new)
+            names = [f.name for f in found.fields.values() if self._differs(f, old, new, kind)]
+            if kind == "film":
+                names = _without_whole_window(names, old, new)
+            if kind not in ("film", "sampler") and old["type"] != new["type"]:
+                names = ["type", *names]
+            if kind == "sensor" and self._name("media", old) != self._name("media", new):
+                names.append("medium")
+            if names:
+                yield Changed(found, new, [places[kind]] if kind in places else [], names)
+
+    def _name(self, where: str, entry: Entry) -> str | None:
+        return self.names.get(f"{where}[{entry.get('medium', -1)}]")
+
+    def _differs(self, declared: Field, old: Entry, new: Entry, name: str) -> bool:
+        """Whether a field of an object differs; one that refers to another object, if that is another."""
+        x, y = old.get(declared.name, declared.default), new.get(declared.name, declared.default)
+        refers = _refers(declared, x) and _refers(declared, y)
+        if x is y or declared.type == "bsdf":  # the object inside is one of its own
+            return False
+        path = f"{name}.{declared.name}"
+        return self.before[path] != self.params[path] if refers else not equal(x, y)
+
+    def _of_shape(self, found: SceneObject, old: Entry, new: Entry) -> list[str]:
+        if found.kind != "shape":
+            return []
+        names = ["bsdf"] if old.get("material") != new.get("material") else []
+        names += [side for side in MEDIA if old.get(side, -1) != new.get(side, -1)]
+        return [
+            name
+            for name in names
+            if self.before[f"{found.name}.{name}"] != self.params[f"{found.name}.{name}"]
+        ]
+
+    # --- texts --------------------------------------------------------------------------------------------
+
+    def _write_all(self, changed: Changed) -> None:
+        if not changed.places:
+            raise NotWritten("it does not come from a scene file")
+        for place in changed.places:
+            self._write(changed, place)
+
+    def _write(self, changed: Changed, place: Location) -> None:
+        found = changed.found
+        if place.key or place.source.data[place.start : place.start + 1] != b"<":
+            raise NotWritten("it does not come from a scene file")
+        element = self._text(place).element(place)
+        for _ in found.inner:
+            bsdfs = [child for child in element.span.children if child.tag == "bsdf"]
+            if not bsdfs:
+                raise NotWritten("the bsdf is declared elsewhere and may be a part of others")
+            element = self._text(place).element(Location(place.source, bsdfs[0].start))
+        if found.kind == "integrator":  # that of the picture is the first inside of others
+            element = self._innermost(element)
+        if kind_of(element.span) != KIND_IN_FILES.get(found.kind, found.kind):
+            made = self.values.whole(found, changed.entry)
+            element.put([made], lambda child: kind_of(child) == found.kind)
+        elif found.kind != "film" and (found.name in self.whole or {"type", "mesh"} & {*changed.names}):
+            self._write_whole(element, changed)
+        else:
+            self._write_fields(element, changed)
+
+    def _innermost(self, element: ElementText) -> ElementText:
+        while inner := [child for child in element.span.children if child.tag == "integrator"]:
+            place = Location(element.source, inner[0].start)
+            element = self._text(place).element(place)
+        return element
+
+    def _write_fields(self, element: ElementText, changed: Changed) -> None:
+        """Writes the values that differ, and keeps the others."""
+        found, names = changed.found, list(changed.names)
+        meant = {self._meaning(child, element, found) for child in element.span.children}
+        if "fov" in names and "fov" not in meant:  # the axis is that of the focal length
+            names.append("fov_axis")
+        both = {"alpha_u", "alpha_v"} <= {*names}
+        for name in dict.fromkeys(names):
+            others = {"fov": ("focal_length",), "alpha_u": ("alpha", "roughness") if both else ()}.get(
+                name, ()
+            )
+            self._put(element, changed, name, (name, *others))
+
+    def _put(self, element: ElementText, changed: Changed, name: str, instead: tuple[str, ...]) -> None:
+        found, entry = changed.found, changed.entry
+        if name in MEDIA:
+            self._put_medium(element, entry.get(name, -1), name)
+            return
+        if name == "bsdf":
+            material = self.lists.entry(f"materials[{entry['material']}]")
+            self._put_bsdf(
+                element, name, self.values.reference("bsdf", material_entry(material["front"]), "")
+            )
+            return
+        declared = found.fields[name]
+        value = entry.get(name, declared.default)
+        new = self.values.field(found, declared, value)
+        if declared.type == MATERIAL:
+            self._put_bsdf(element, name, *new)
+        else:
+            if declared.type in ("image", "grid"):
+                instead = FILES
+            element.put(new, lambda child: self._meaning(child, element, found) in instead)
+
+    def _put_medium(self, element: ElementText, index: int, name: str) -> None:
+        new = [self.values.reference("medium", f"media[{index}]", name)] if index >= 0 else []
+        alone = name == "medium"
+        element.put(
+            new,
+            lambda child: child.tag == "medium" if alone else child.attributes.get("name") == name,
+        )
+
+    def _put_bsdf(self, element: ElementText, name: str, new: ET.Element) -> None:
+        """Puts a bsdf in the place of one inside of an object."""
+        ids = {
+            identity
+            for entry, identity in self.read.objects.ids.items()
+            if entry.startswith(("bsdfs", "adapters"))
+        }
+        old = [
+            c
+            for c in element.span.children
+            if c.tag == "bsdf" or (c.tag == "ref" and c.attributes.get("id") in ids)
+        ]
+        chosen = old[PLACES[name] : PLACES[name] + 1]
+        element.put([new], lambda child: child in chosen)
+
+    def _write_whole(self, element: ElementText, changed: Changed) -> None:
+        """Writes all values of an object, with the name that its model has."""
+        found, entry = changed.found, changed.entry
+        lights = self._lights_at(element) if found.kind == "emitter" else []
+        if len(lights) > 1:
+            element.instead = [self.values.whole(light, self.lists.entry(light.entry)) for light in lights]
+            if "id" in element.span.attributes:
+                element.instead[0].set("id", element.span.attributes["id"])
+            return
+        element.attributes["type"] = PLUGINS.get((found.kind, found.model), found.model)
+        for child in element.span.children:
+            named = self._meaning(child, element, found)
+            is_value = kind_of(child) not in (*KINDS, "ref")
+            if (is_value or named in changed.names) and named not in KEPT:
+                element.replaced[child.start] = []
+        for declared in found.fields.values():
+            value = entry.get(declared.name, declared.default)
+            kept = _refers(declared, value) and declared.name not in changed.names
+            if not kept and declared.type not in ("bsdf", MATERIAL) and not is_plain(declared, value):
+                element.added += self.values.field(found, declared, value)
+        for name, number in RELATIVE.get(found.model, {}).items():
+            element.added.append(ET.Element("float", name=name, value=repr(number)))
+        for name in {"bsdf", *MEDIA} & {*changed.names}:
+            self._put(element, changed, name, (name,))
+
+    def _lights_at(self, element: ElementText) -> list[SceneObject]:
+        """The lights that come from one element, such as the sun and the sky."""
+        place = Location(element.source, element.span.start)
+        return [
+            self.params.objects[name]
+            for name, found in self.before.objects.items()
+            if found.kind == "emitter" and self.read.places.find(found.entry) == place
+        ]
+
+    @staticmethod
+    def _meaning(child: Span, element: ElementText, found: SceneObject) -> str:
+        """The name of a property, as today's files have it."""
+        plugin = element.span.attributes.get("type", "")
+        return current_name(found.kind, plugin, child.attributes.get("name", ""))
+
+    def _id_of(self, kind: str, entry: str) -> str | None:
+        """The id of an object of the file, which gets one if it has none."""
+        found = self.before.objects.get(self.names.get(entry, ""))
+        place = None if found is None else self.read.places.find(found.entry)
+        if found is None or place is None or place.source.data[place.start : place.start + 1] != b"<":
+            return None
+        known = self.read.objects.ids.get(found.entry)
+        if known is not None:
+            return known
+        element = self._text(place).element(place)
+        if kind_of(element.span) != kind:
+            return None
+        if "id" not in element.attributes:
+            taken = {*self.read.objects.ids.values()}
+            element.attributes["id"] = free_name(found.name.replace(".", "-"), lambda name: name in taken)
+        return element.attributes["id"]
+
+    def _put_sensor_first(self) -> None:
+        """Makes the sensor that is used the one that the file's version takes."""
+        shown = next((name for name in self.read.sensors if name not in self.now.views), "")
+        if shown == self.read.first_sensor or not shown:
+            return
+        places = self.read.views[shown].places if shown in self.read.views else self.read.places
+        place = places.get("sensor")
+        if place is None or place.source is not self.main:
+            raise SceneError(
+                f'the sensor "{shown}" cannot be saved as the first: it is in another file', place
+            )
+        text = self._text(place)
+        text.moved = text.element(place).span, self.read.first_sensor == self.read.sensors[0]
+
+
+def inside(entry: Entry, found: SceneObject) -> Entry:
+    """The part of an entry that is an object."""
+    result: Any = entry
+    for name in found.inner:
+        result = result[name]
+    return result
+
+
+def _refers(declared: Field, value: object) -> bool:
+    """Whether the value of a field is another object."""
+    return declared.type in (MATERIAL, "phase") or (
+        declared.type in WITH_OBJECTS and isinstance(value, Mapping)
+    )
+
+
+def kind_of(span: Span) -> str:
+    """The kind of an object; the tag of other elements."""
+    if span.tag == "spectrum" and "type" in span.attributes:
+        return "texture"
+    return OLD_KINDS.get(span.tag, span.tag)
+
+
+def free_name(wanted: str, is_taken: Callable[[str], bool]) -> str:
+    """A name that is not taken."""
+    while is_taken(wanted):
+        wanted += "-"
+    return wanted
+
+
+def _without_whole_window(names: list[str], old: Entry, new: Entry) -> list[str]:
+    """The names without those of a window that is and was the whole film."""
+
+    def is_whole(film: Entry) -> bool:
+        return (film["crop_width"], film["crop_height"]) == (film["width"], film["height"])
+
+    return (
+        [name for name in names if not name.startswith("crop_")] if is_whole(old) and is_whole(new) else names
+    )
