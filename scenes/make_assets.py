@@ -6,12 +6,15 @@ Run it as ``python scenes/make_assets.py``; the files it writes are committed, s
 from __future__ import annotations
 
 import struct
+import sys
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 
 FOLDER = Path(__file__).resolve().parent
+sys.path.append(str(FOLDER.parent / "tests"))
+from ptex_files import DIFFERENCES, Face, Ptx, neighbours_of  # noqa: E402
 
 
 def write_image(name: str, pixels: np.ndarray, quality: int = 82) -> None:
@@ -192,6 +195,54 @@ def write_volume(name: str, values: np.ndarray) -> None:
     (FOLDER / "volumes" / name).write_bytes(head + values.astype("<f4").tobytes())
 
 
+def knob() -> tuple[np.ndarray, np.ndarray, list[tuple[int, int]]]:
+    """A cube of three by three faces a side, whose middle ones are pulled out: vertices, faces and the edges
+    of the middle faces."""
+    numbers: dict[tuple[int, int, int], int] = {}
+    faces, middles = [], []
+    for axis, side in np.ndindex(3, 2):
+        for i, j in np.ndindex(3, 3):
+            corners = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+            face = []
+            for a, b in corners if side else corners[::-1]:
+                place = np.roll([3 * side, a, b], axis)
+                face.append(numbers.setdefault(tuple(int(x) for x in place), len(numbers)))
+            faces.append(face)
+            if i == j == 1:
+                middles.append(face)
+    vertices = np.array(list(numbers), float) / 1.5 - 1
+    for face in middles:
+        centre = vertices[face].mean(0)
+        vertices[face] = centre * 1.5 + (vertices[face] - centre) * 1.25
+    return vertices, np.array(faces), [(f[k - 1], f[k]) for f in middles for k in range(4)]
+
+
+def write_surface(name: str, vertices: np.ndarray, faces: np.ndarray, creases: list[tuple[int, int]]) -> None:
+    """Writes an OBJ file of polygons, with creases of sharpness 2.5 as tags."""
+    lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in vertices.round(6)]
+    lines += [f"f {' '.join(str(v + 1) for v in face)}" for face in faces]
+    lines += [f"t crease 2/1/0 {a} {b} 2.5" for a, b in creases]
+    (FOLDER / "meshes" / name).write_text("\n".join(lines) + "\n")
+
+
+def rings(vertices: np.ndarray, faces: np.ndarray, size: int = 32) -> np.ndarray:
+    """How deep a place is in grooves around the middles of the sides, in [0, 1]: (faces, size, size)."""
+    t, s = np.meshgrid(*2 * [(np.arange(size) + 0.5) / size], indexing="ij")
+    weights = np.stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t])
+    places = np.einsum("cyx,fck->fyxk", weights, vertices[faces])
+    places /= np.linalg.norm(places, axis=-1, keepdims=True)
+    from_axis = np.arccos(np.clip(np.abs(places).max(-1), 0, 1))
+    return np.clip(0.5 + 1.1 * np.cos(from_axis * 34), 0, 1)
+
+
+def write_ptex(name: str, pictures: np.ndarray, faces: np.ndarray) -> None:
+    """Writes 8-bit pictures (faces, height, width, channels) of values in [0, 1] as a Ptex file."""
+    texels = np.round(255 * pictures)
+    around = neighbours_of(faces.tolist())
+    content = Ptx([Face(t, *a, encoding=DIFFERENCES) for t, a in zip(texels, around, strict=True)]).content()
+    (FOLDER / "textures" / name).write_bytes(content)
+
+
 def main() -> None:
     """Writes every file."""
     rng = np.random.default_rng(2026)
@@ -203,6 +254,12 @@ def main() -> None:
     write_image("studio.exr", studio())
     write_ply("vase.ply", *revolve(vase_profile()))
     write_ply("shade.ply", *revolve(shade_profile(), 32))
+    vertices, faces, creases = knob()
+    write_surface("knob.obj", vertices, faces, creases)
+    depth = rings(vertices, faces)[..., None]
+    write_ptex("knob-relief.ptx", 1 - depth, faces)
+    glaze, clay = np.array([0.93, 0.90, 0.82]), np.array([0.16, 0.36, 0.55])
+    write_ptex("knob.ptx", glaze * (1 - depth) + clay * depth, faces)
     write_volume("smoke.vol", plume(np.random.default_rng(7)))
 
 

@@ -73,7 +73,8 @@ def same(value: Any, expected: Any) -> bool:  # noqa: ANN401
     return bool(np.allclose(value, expected, rtol=2e-3, atol=1e-6))  # half precision of voxels
 
 
-WITHOUT_NUMBERS = {"bsdf": {"measured"}, "sampler": {"independent"}}  # or that scenes cannot ask for
+# Or that scenes here cannot ask for.
+WITHOUT_NUMBERS = {"bsdf": {"measured"}, "sampler": {"independent"}, "texture": {"ptex"}}
 PIXELS = np.linspace(0.1, 0.9, 48, dtype=np.float32).reshape(4, 4, 3)
 INSIDE = {name: {"map": {"type": "bitmap", "data": PIXELS}} for name in ("bumpmap", "normalmap")}
 

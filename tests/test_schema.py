@@ -12,7 +12,7 @@ from lajolla import _core
 SCHEMA = _core.schema()
 TYPES = {
     "float", "integer", "boolean", "choice", "string", "spectrum", "vector", "transform",
-    "texture_float", "texture_spectrum", "material", "bsdf", "mesh", "curves", "image",
+    "texture_float", "texture_spectrum", "material", "bsdf", "mesh", "curves", "image", "face_images",
     "volume_float", "volume_spectrum", "volume_matrix", "grid", "phase", "floats", "measurement",
 }  # fmt: skip
 KINDS = {
@@ -58,7 +58,7 @@ def test_defaults_are_within_their_range(field: dict) -> None:
     if field["type"] == "choice":
         assert field["default"] in field["choices"]
         return
-    if field["type"] in ("string", "bsdf", "mesh", "curves", "image", "grid", "measurement"):
+    if field["type"] in ("string", "bsdf", "mesh", "curves", "image", "face_images", "grid", "measurement"):
         assert field["minimum"] is None and field["maximum"] is None
         return
     numbers = numbers_of(field["default"])

@@ -200,7 +200,14 @@ EmbreeScene::EmbreeScene(EmbreeDevice device, RTCBuildQuality quality, SharedVec
     rtcSetSceneBuildQuality(scene_, quality);
 }
 
+// Embree's fast tests let one ray in a million pass between the triangles of a closed mesh, and one that
+// meets a vertex exactly. Surfaces made of faces are closed: they take the tests that do not.
 void EmbreeScene::attach_all(std::span<const Shape *const> shapes, std::uint32_t last) {
+    const auto has_faces = [](const Shape *shape) {
+        const auto *mesh = shape ? std::get_if<TriangleMesh>(shape) : nullptr;
+        return mesh && !mesh->mesh->face_coordinates.empty();
+    };
+    if (std::ranges::any_of(shapes, has_faces)) rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
     for (std::uint32_t i = 0; i < shapes.size(); ++i) {
         if (!shapes[i]) continue;
         if (const auto *sphere = std::get_if<Sphere>(shapes[i])) spheres_.add(*sphere, i);

@@ -8,6 +8,7 @@
 #include "engine/describe.h"
 #include "geometry/curves.h"
 #include "geometry/mesh.h"
+#include "images/face_images.h"
 #include "images/image.h"
 #include "materials/material.h"
 #include "media/medium.h"
@@ -40,6 +41,11 @@ struct Described<std::shared_ptr<const CurveSet>> : DescribedObject<CurveSet> {
 template <>
 struct Described<std::shared_ptr<const Image>> : DescribedObject<Image> {
     static constexpr const char *type = "image", *expected = "an Image";
+};
+
+template <>
+struct Described<std::shared_ptr<const FaceImages>> : DescribedObject<FaceImages> {
+    static constexpr const char *type = "face_images", *expected = "FaceImages";
 };
 
 template <>

@@ -69,7 +69,7 @@ void copy_attributes(const Mesh &mesh, const std::vector<std::uint32_t> &vertice
 
 std::size_t Mesh::bytes() const {
     std::size_t sum = (positions.size() + normals.size()) * sizeof(Vec3f) + uvs.size() * sizeof(Vec2f) +
-                      triangles.size() * sizeof(Triangle);
+                      triangles.size() * sizeof(Triangle) + face_coordinates.size() * sizeof(FaceCoordinates);
     for (const auto &[name, attribute] : attributes) sum += attribute.values.size() * sizeof(float);
     return sum;
 }
@@ -93,6 +93,12 @@ void validate(const Mesh &mesh) {
         if (attribute.values.size() != elements * attribute.channels)
             throw std::invalid_argument("attribute '" + name + "' has the wrong length");
     }
+    if (!mesh.face_coordinates.empty() && mesh.face_coordinates.size() != mesh.triangles.size())
+        throw std::invalid_argument("a mesh needs the face of each triangle, or of none");
+    for (const FaceCoordinates &place : mesh.face_coordinates)
+        if (place.face >= mesh.face_count)
+            throw std::invalid_argument("face " + std::to_string(place.face) + " is beyond the mesh's " +
+                                        std::to_string(mesh.face_count) + " faces");
 }
 
 Mesh transformed(const Mesh &mesh, const Transform &to_world) {
@@ -119,6 +125,34 @@ Mesh with_vertex_normals(const Mesh &mesh, const Transform &to_world) {
     return result;
 }
 
+Mesh with_normals_after_moving(Mesh moved, std::span<const std::uint32_t> points) {
+    constexpr std::uint32_t none = ~0u;
+    const std::size_t count = moved.positions.size();
+    // Of each vertex, the first one that shares its normal; of each point, the last of those, as linked
+    // lists.
+    std::vector<std::uint32_t> leader(count), next(count, none);
+    std::vector<std::uint32_t> last(count == 0 ? 0 : *std::ranges::max_element(points) + std::size_t{1},
+                                    none);
+    for (std::uint32_t v = 0; v < count; ++v) {
+        std::uint32_t found = last[points[v]];
+        while (found != none && !(moved.normals[found] == moved.normals[v])) found = next[found];
+        leader[v] = found == none ? v : found;
+        if (found != none) continue;
+        next[v] = last[points[v]];
+        last[points[v]] = v;
+    }
+    std::vector<Vec3f> sums(count, Vec3f(0));
+    for (const Triangle &triangle : moved.triangles)
+        for (std::size_t k = 0; k < 3; ++k) {
+            const auto corner = [&](std::size_t i) { return moved.positions[triangle[(k + i) % 3]]; };
+            const CornerShape shape = corner_shape(corner(1) - corner(0), corner(2) - corner(0));
+            sums[leader[triangle[k]]] += shape.normal * shape.angle;
+        }
+    for (std::size_t v = 0; v < count; ++v)
+        if (const Vec3f n = unit_or_zero(sums[leader[v]]); length_squared(n) > 0) moved.normals[v] = n;
+    return moved;
+}
+
 Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count) {
     constexpr std::uint32_t unused = ~0u;
     Mesh part;
@@ -134,7 +168,9 @@ Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count) {
             index = target[index];
         }
         part.triangles.push_back(triangle);
+        if (!mesh.face_coordinates.empty()) part.face_coordinates.push_back(mesh.face_coordinates[faces[f]]);
     }
+    part.face_count = mesh.face_count;
     for (const std::uint32_t old : source) {
         part.positions.push_back(mesh.positions[old]);
         if (!mesh.normals.empty()) part.normals.push_back(mesh.normals[old]);
@@ -159,6 +195,8 @@ Mesh with_smooth_normals(const Mesh &mesh, float max_angle) {
 
     Mesh result;
     result.triangles = mesh.triangles;
+    result.face_coordinates = mesh.face_coordinates;
+    result.face_count = mesh.face_count;
     std::vector<std::uint32_t> source; // the original vertex of each new one
     std::vector<std::vector<std::uint32_t>> made(mesh.positions.size()); // new vertices of each original one
     const float cos_max = cos(max_angle);

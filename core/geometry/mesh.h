@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,19 @@
 namespace lajolla {
 
 using Triangle = std::array<std::uint32_t, 3>;
+
+// The place of a triangle in one of the faces from which its mesh was made.
+struct FaceCoordinates {
+    using Place = std::array<std::uint16_t, 2>; // from 0 to 65535 along the edges of the face
+
+    std::uint32_t face;
+    std::array<Place, 3> corners;
+
+    static Place packed(float s, float t) { // of coordinates in [0, 1]
+        return {static_cast<std::uint16_t>(s * 65535 + 0.5f), static_cast<std::uint16_t>(t * 65535 + 0.5f)};
+    }
+    static Vec2f unpacked(Place place) { return Vec2f(place[0], place[1]) * (1 / 65535.0f); }
+};
 
 struct Mesh {
     struct Attribute {
@@ -26,6 +40,10 @@ struct Mesh {
     RoomyVector<Vec2f> uvs;     // one per vertex, or none
     RoomyVector<Triangle> triangles;
     std::map<std::string, Attribute> attributes;
+    // Of each triangle, for meshes that keep their faces. Faces that are no quads count as one at each
+    // corner.
+    std::vector<FaceCoordinates> face_coordinates;
+    std::uint32_t face_count = 0; // of all, also of those that `part_of` left out
 
     std::size_t bytes() const;
 };
@@ -38,6 +56,10 @@ Mesh transformed(const Mesh &mesh, const Transform &to_world);
 // Vertex normals for a mesh that has none: the mean of adjacent face normals, weighted by the angle at the
 // corner, computed after `to_world`. A later `transformed` with it yields these normals.
 Mesh with_vertex_normals(const Mesh &mesh, const Transform &to_world);
+
+// The same for a mesh whose vertices moved. Vertices at one of the `points` that had the same normal share
+// one again; the others were on different sides of a hard edge.
+Mesh with_normals_after_moving(Mesh moved, std::span<const std::uint32_t> points);
 
 // A mesh of some consecutive triangles and their vertices.
 Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count);

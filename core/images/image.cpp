@@ -26,6 +26,12 @@ Table make_table(bool srgb) {
 
 const Table srgb_bytes = make_table(true), linear_bytes = make_table(false);
 
+} // namespace
+
+float linear_byte(std::uint8_t value, bool srgb) { return (srgb ? srgb_bytes : linear_bytes)[value]; }
+
+namespace {
+
 std::uint8_t encode_byte(float value, bool srgb) {
     const float x = clamp(value, 0.0f, 1.0f);
     const float encoded = !srgb ? x : x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1 / 2.4f) - 0.055f;

@@ -13,6 +13,9 @@ namespace lajolla {
 
 enum class TexelType { byte, half, real };
 
+// The linear value of an 8-bit one.
+float linear_byte(std::uint8_t value, bool srgb);
+
 // An image, with room behind it for the levels of its MIP pyramid. All texels are in one array, so that lanes
 // may read different levels at once; it consists of words of 32 bits, because such the processor gathers.
 class Image {

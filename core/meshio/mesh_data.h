@@ -29,6 +29,25 @@ struct MeshData {
         uint32_t triangle_count;
     };
 
+    /// The polygons before they were cut, in the order of the file. Those with fewer than three corners are
+    /// left out. A polygon of n corners is n - 2 consecutive triangles.
+    struct Polygons {
+        struct Crease {
+            std::array<uint32_t, 2> points;
+            float sharpness;
+        };
+        struct Corner {
+            uint32_t point;
+            float sharpness;
+        };
+        std::vector<uint32_t> sizes;
+        std::vector<uint32_t> corners; // vertices
+        std::vector<uint32_t> groups;  // of each polygon; empty if there are none
+        std::vector<uint32_t> points;  // of each vertex, the position in the file: vertices may share one
+        std::vector<Crease> creases;
+        std::vector<Corner> sharp_corners;
+    };
+
     using Triangle = std::array<uint32_t, 3>;
 
     RoomyVector<Vec3f> positions;
@@ -37,6 +56,7 @@ struct MeshData {
     RoomyVector<Triangle> triangles;
     std::vector<Attribute> attributes;
     std::vector<Group> groups;                   // contiguous, in the order of the triangles; OBJ only
+    Polygons polygons;                           // if they were asked for
     std::vector<std::string> material_libraries; // `mtllib` names; OBJ only
     std::string name;                            // serialized version 4 only
     bool face_normals = false;                   // the file requests flat faces; serialized only

@@ -84,6 +84,9 @@ struct ObjState {
     std::vector<uint32_t> face; // corners of the face that is read, and where they are
     std::vector<Vec3f> outline;
     PolygonCutter cutter;
+    bool keeps_polygons = false;
+    MeshData::Polygons polygons;
+    std::vector<uint32_t> polygon_material;
     bool has_no_numbers = false; // among positions and normals, whether faces use them or not
 };
 
@@ -197,6 +200,11 @@ void read_face(TextCursor &text, ObjState &obj) {
         obj.face.push_back(obj.table.number_of(corner));
         obj.outline.push_back(position);
     }
+    if (obj.keeps_polygons && obj.face.size() >= 3) {
+        obj.polygons.sizes.push_back(static_cast<uint32_t>(obj.face.size()));
+        obj.polygons.corners.insert(obj.polygons.corners.end(), obj.face.begin(), obj.face.end());
+        obj.polygon_material.push_back(obj.material);
+    }
     for (const PolygonCutter::Triangle &t : obj.cutter.cut(obj.outline)) {
         obj.triangles.push_back({obj.face[t[0]], obj.face[t[1]], obj.face[t[2]]});
         obj.triangle_material.push_back(obj.material);
@@ -230,6 +238,28 @@ void read_libraries(TextCursor &text, ObjState &obj) {
     }
 }
 
+/// A crease or a sharp corner; other tags do not change the surface, or are not supported.
+void read_tag(TextCursor &text, ObjState &obj) {
+    skip_blanks(text);
+    const std::string_view name = read_word(text);
+    const size_t vertices = name == "crease" ? 2 : name == "corner" ? 1 : 0;
+    if (vertices == 0) return;
+    skip_blanks(text);
+    if (read_word(text) != (vertices == 2 ? "2/1/0" : "1/1/0")) return;
+    std::array<float, 3> values{};
+    read_numbers(text, std::span(values).first(vertices + 1), vertices + 1, "tag");
+    std::array<uint32_t, 2> points{};
+    for (size_t i = 0; i < vertices; ++i) {
+        if (!(values[i] >= 0 && values[i] < static_cast<float>(obj.positions.size())))
+            fail(text, "tag: there is no such vertex (" + std::to_string(obj.positions.size()) +
+                           " so far, from 0)");
+        points[i] = static_cast<uint32_t>(values[i]);
+    }
+    if (!(values[vertices] >= 0)) fail(text, "tag: sharpness must not be below 0");
+    if (vertices == 2) obj.polygons.creases.push_back({points, values[2]});
+    else obj.polygons.sharp_corners.push_back({points[0], values[1]});
+}
+
 void read_statement(TextCursor &text, ObjState &obj) {
     skip_blanks(text);
     std::string_view keyword = read_word(text);
@@ -240,6 +270,7 @@ void read_statement(TextCursor &text, ObjState &obj) {
     else if (keyword == "usemtl") read_material(text, obj);
     else if (keyword == "mtllib") read_libraries(text, obj);
     else if (keyword == "g") end_part(obj);
+    else if (keyword == "t" && obj.keeps_polygons) read_tag(text, obj);
 }
 
 /// What the corners' `number` picks from `values`; zero where absent. Empty if all are absent.
@@ -284,12 +315,18 @@ void group_triangles(const ObjState &obj, MeshData &mesh) {
     mesh.triangles.resize(obj.triangles.size());
     for (size_t i = 0; i < obj.triangles.size(); ++i)
         mesh.triangles[next[obj.triangle_material[i]]++] = obj.triangles[i];
+
+    std::vector<uint32_t> group_of(obj.materials.size());
+    for (uint32_t g = 0; g < mesh.groups.size(); ++g)
+        group_of[obj.material_numbers.at(mesh.groups[g].material)] = g;
+    for (uint32_t material : obj.polygon_material) mesh.polygons.groups.push_back(group_of[material]);
 }
 
 } // namespace
 
-MeshData read_obj(std::span<const std::byte> file, int shape_index) {
+MeshData read_obj(std::span<const std::byte> file, int shape_index, bool keep_polygons) {
     ObjState obj;
+    obj.keeps_polygons = keep_polygons;
     obj.wanted_part = shape_index;
     for (TextCursor text = text_cursor(file); text.at != text.end; skip_line(text)) read_statement(text, obj);
     if (obj.positions.empty()) throw MeshError("this is no OBJ file: it has no vertices");
@@ -304,6 +341,9 @@ MeshData read_obj(std::span<const std::byte> file, int shape_index) {
     mesh.uvs = gather(corners, obj.uvs, &Corner::uv);
     mesh.normals = gather(corners, obj.normals, &Corner::normal);
     if (!obj.colors.empty()) mesh.attributes.push_back(gather_colors(obj));
+    mesh.polygons = std::move(obj.polygons);
+    if (keep_polygons)
+        for (const Corner &corner : corners) mesh.polygons.points.push_back(corner.position);
     if (obj.materials.size() > 1) group_triangles(obj, mesh);
     else mesh.triangles = std::move(obj.triangles);
     mesh.material_libraries = std::move(obj.libraries);

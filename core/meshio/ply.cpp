@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <numeric>
 #include <unordered_map>
 
 namespace lajolla {
@@ -329,7 +330,11 @@ size_t find_list(const PlyElement &element, std::initializer_list<std::string_vi
     return element.properties.size();
 }
 
-using CornerUvs = std::vector<std::array<Vec2f, 3>>; // of each triangle, where faces have their own
+// Where faces have their own: of each triangle, and of the corners of the polygons that are kept.
+struct CornerUvs {
+    std::vector<std::array<Vec2f, 3>> triangles;
+    std::vector<Vec2f> polygons;
+};
 
 /// Appends the texture coordinates of a polygon's triangles: the pairs at its corners, or those of its
 /// vertices.
@@ -341,7 +346,8 @@ void append_corner_uvs(std::span<const double> pairs, std::span<const uint32_t> 
             return Vec2f(static_cast<float>(pairs[2 * corner]), static_cast<float>(pairs[2 * corner + 1]));
         return mesh.uvs.empty() ? Vec2f(0, 0) : mesh.uvs[corners[corner]];
     };
-    for (const auto &t : triangles) result.push_back({uv(t[0]), uv(t[1]), uv(t[2])});
+    for (const auto &t : triangles) result.triangles.push_back({uv(t[0]), uv(t[1]), uv(t[2])});
+    for (size_t i = 0; i < corners.size(); ++i) result.polygons.push_back(uv(i));
 }
 
 /// A vertex with a texture coordinate, bit by bit.
@@ -367,40 +373,54 @@ void repeat(auto &values, std::span<const uint32_t> origins, size_t width) {
 }
 
 /// Makes texture coordinates of corners those of vertices: a vertex with several becomes several vertices.
-void split_vertices(const CornerUvs &corner_uvs, MeshData &mesh) {
-    if (mesh.positions.size() + 3 * corner_uvs.size() > std::numeric_limits<uint32_t>::max())
-        throw MeshError("the mesh has more than 2^32 corners with texture coordinates");
-    std::vector<bool> has_uv(mesh.positions.size());
+class VertexSplitter {
+public:
+    explicit VertexSplitter(MeshData &data) : mesh(data), has_uv(data.positions.size()) {
+        mesh.uvs.resize(mesh.positions.size());
+    }
+
+    void split(const CornerUvs &uvs) {
+        if (mesh.positions.size() + 3 * uvs.triangles.size() > std::numeric_limits<uint32_t>::max())
+            throw MeshError("the mesh has more than 2^32 corners with texture coordinates");
+        for (size_t t = 0; t < uvs.triangles.size(); ++t)
+            for (size_t k = 0; k < 3; ++k) give(mesh.triangles[t][k], uvs.triangles[t][k]);
+        for (size_t i = 0; i < mesh.polygons.corners.size(); ++i)
+            give(mesh.polygons.corners[i], uvs.polygons[i]);
+        repeat(mesh.positions, origins, 1);
+        repeat(mesh.normals, origins, 1);
+        repeat(mesh.polygons.points, origins, 1);
+        for (MeshData::Attribute &attribute : mesh.attributes)
+            if (!attribute.per_face)
+                repeat(attribute.values, origins, static_cast<size_t>(attribute.channels));
+    }
+
+private:
+    /// Replaces a vertex by the one at the same place that has a texture coordinate.
+    void give(uint32_t &vertex, Vec2f uv) {
+        const auto bits = std::bit_cast<uint64_t>(std::array{uv.x, uv.y});
+        if (!has_uv[vertex]) {
+            has_uv[vertex] = true;
+            mesh.uvs[vertex] = uv;
+        }
+        if (std::bit_cast<uint64_t>(std::array{mesh.uvs[vertex].x, mesh.uvs[vertex].y}) == bits) return;
+        const auto [known, is_new] =
+            others.try_emplace({vertex, bits}, static_cast<uint32_t>(mesh.uvs.size()));
+        if (is_new) {
+            origins.push_back(vertex);
+            mesh.uvs.push_back(uv);
+        }
+        vertex = known->second;
+    }
+
+    MeshData &mesh;
+    std::vector<bool> has_uv;
     std::unordered_map<VertexWithUv, uint32_t, HashOfVertexWithUv> others;
     std::vector<uint32_t> origins; // of the vertices that are added
-    mesh.uvs.resize(mesh.positions.size());
-    for (size_t t = 0; t < corner_uvs.size(); ++t)
-        for (size_t k = 0; k < 3; ++k) {
-            const Vec2f uv = corner_uvs[t][k];
-            uint32_t &vertex = mesh.triangles[t][k];
-            const auto bits = std::bit_cast<uint64_t>(std::array{uv.x, uv.y});
-            if (!has_uv[vertex]) {
-                has_uv[vertex] = true;
-                mesh.uvs[vertex] = uv;
-            }
-            if (std::bit_cast<uint64_t>(std::array{mesh.uvs[vertex].x, mesh.uvs[vertex].y}) == bits) continue;
-            const auto [known, is_new] =
-                others.try_emplace({vertex, bits}, static_cast<uint32_t>(mesh.uvs.size()));
-            if (is_new) {
-                origins.push_back(vertex);
-                mesh.uvs.push_back(uv);
-            }
-            vertex = known->second;
-        }
-    repeat(mesh.positions, origins, 1);
-    repeat(mesh.normals, origins, 1);
-    for (MeshData::Attribute &attribute : mesh.attributes)
-        if (!attribute.per_face) repeat(attribute.values, origins, static_cast<size_t>(attribute.channels));
-}
+};
 
 template <class Source>
-void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count, bool srgb, MeshData &mesh,
-                CornerUvs &corner_uvs) {
+void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count, bool srgb,
+                bool keep_polygons, MeshData &mesh, CornerUvs &corner_uvs) {
     std::array lists{List{find_list(element, {"vertex_indices", "vertex_index"}), {}},
                      List{find_list(element, {"texcoord"}), {}}}; // as MeshLab writes them
     const size_t none = element.properties.size();
@@ -423,7 +443,12 @@ void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count
             const auto &corners = polygon.corners;
             const auto cut = polygon.cut(cutter);
             for (const auto &t : cut) mesh.triangles.push_back({corners[t[0]], corners[t[1]], corners[t[2]]});
-            if (has_corner_uvs) append_corner_uvs(lists[1].values, corners, cut, mesh, corner_uvs);
+            if (keep_polygons && corners.size() >= 3) {
+                mesh.polygons.sizes.push_back(static_cast<uint32_t>(corners.size()));
+                mesh.polygons.corners.insert(mesh.polygons.corners.end(), corners.begin(), corners.end());
+            }
+            if (has_corner_uvs && corners.size() >= 3)
+                append_corner_uvs(lists[1].values, corners, cut, mesh, corner_uvs);
         }
         for (size_t k = before; k < mesh.triangles.size(); ++k)
             for (Field &field : fields) field.append(row);
@@ -435,7 +460,7 @@ void read_faces(Source &source, const PlyElement &element, uint64_t vertex_count
 }
 
 template <class Source>
-MeshData read_elements(Source source, const PlyHeader &header, bool srgb) {
+MeshData read_elements(Source source, const PlyHeader &header, bool srgb, bool keep_polygons) {
     const PlyElement *vertices = nullptr, *faces = nullptr;
     for (const PlyElement &element : header.elements) {
         const PlyElement *&known = element.name == "vertex" ? vertices : faces;
@@ -452,24 +477,30 @@ MeshData read_elements(Source source, const PlyHeader &header, bool srgb) {
     for (const PlyElement &element : header.elements) {
         check_count(source, element);
         if (&element == vertices) read_vertices(source, element, srgb, mesh);
-        else if (&element == faces) read_faces(source, element, vertices->count, srgb, mesh, corner_uvs);
+        else if (&element == faces)
+            read_faces(source, element, vertices->count, srgb, keep_polygons, mesh, corner_uvs);
         else skip_element(source, element);
     }
-    if (!corner_uvs.empty()) split_vertices(corner_uvs, mesh);
+    if (keep_polygons) {
+        mesh.polygons.points.resize(mesh.positions.size());
+        std::iota(mesh.polygons.points.begin(), mesh.polygons.points.end(), 0u);
+    }
+    if (!corner_uvs.triangles.empty()) VertexSplitter(mesh).split(corner_uvs);
     finish(mesh);
     return mesh;
 }
 
 } // namespace
 
-MeshData read_ply(std::span<const std::byte> file, bool srgb_colors) {
+MeshData read_ply(std::span<const std::byte> file, bool srgb_colors, bool keep_polygons) {
     TextCursor text = text_cursor(file);
     PlyHeader header = read_ply_header(text);
-    if (header.format == PlyFormat::ascii) return read_elements(AsciiSource{text}, header, srgb_colors);
+    if (header.format == PlyFormat::ascii)
+        return read_elements(AsciiSource{text}, header, srgb_colors, keep_polygons);
     bool native_is_little = std::endian::native == std::endian::little;
     bool swap_bytes = (header.format == PlyFormat::little_endian) != native_is_little;
     auto data = file.last(static_cast<size_t>(text.end - text.at));
-    return read_elements(BinarySource{data, file.size(), swap_bytes}, header, srgb_colors);
+    return read_elements(BinarySource{data, file.size(), swap_bytes}, header, srgb_colors, keep_polygons);
 }
 
 } // namespace lajolla

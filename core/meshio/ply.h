@@ -13,8 +13,8 @@ namespace lajolla {
 /// plugin), which become attributes. Integer colours are divided by the largest value of their type, and
 /// decoded if `srgb_colors` is set. Faces are polygons (`element face`), with texture
 /// coordinates of their corners if there is a list `texcoord`, or triangle strips (`element tristrips`).
-/// Other properties and elements are skipped.
+/// Other properties and elements are skipped. The polygons are kept if asked for; triangle strips have none.
 /// @throws MeshError
-MeshData read_ply(std::span<const std::byte> file, bool srgb_colors = false);
+MeshData read_ply(std::span<const std::byte> file, bool srgb_colors = false, bool keep_polygons = false);
 
 } // namespace lajolla

@@ -9,6 +9,7 @@ namespace nb = nanobind;
 
 void bind_meshes(nb::module_ &m);
 void bind_grids(nb::module_ &m);
+void bind_face_images(nb::module_ &m);
 void bind_measurements(nb::module_ &m);
 void bind_scene(nb::module_ &m);
 void bind_object_ids(nb::module_ &m);

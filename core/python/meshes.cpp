@@ -19,6 +19,7 @@
 #include "meshio/obj.h"
 #include "meshio/ply.h"
 #include "meshio/serialized.h"
+#include "python/loaded_mesh.h"
 #include "python/values.h"
 
 namespace lajolla {
@@ -27,32 +28,15 @@ namespace {
 
 using namespace nb::literals;
 
-template <class T, std::size_t N>
-using Table = nb::ndarray<const T, nb::shape<-1, static_cast<Py_ssize_t>(N)>, nb::c_contig, nb::device::cpu>;
-
-// A mesh together with what only its file knew.
-struct LoadedMesh : Mesh {
-    std::vector<std::tuple<std::string, std::uint32_t, std::uint32_t>> groups;
-    std::vector<std::string> material_libraries;
-    bool face_normals = false, mended = false;
-    bool computed_normals = false; // by `with_vertex_normals`, and not the file's
-};
-
 template <std::size_t N, class Elements, class T>
-void assign(Elements &elements, const Table<T, N> &table) {
+void assign(Elements &elements, const Rows<N, T> &table) {
     using Element = typename Elements::value_type;
     static_assert(sizeof(Element) == N * sizeof(T));
     const auto *first = reinterpret_cast<const Element *>(table.data());
     elements.assign(first, first + table.shape(0));
 }
 
-// A NumPy view of memory that `owner` keeps alive.
-template <class T>
-nb::object view(nb::handle owner, const T *data, std::initializer_list<std::size_t> shape) {
-    return nb::cast(nb::ndarray<nb::numpy, const T>(data, shape, owner), nb::rv_policy::reference);
-}
-
-// The same of elements that each consist of N numbers.
+// A NumPy view of elements that each consist of N numbers.
 template <class T, std::size_t N, class Elements>
 nb::object rows_of(nb::handle owner, const Elements &elements) {
     static_assert(sizeof(elements[0]) == N * sizeof(T));
@@ -67,10 +51,9 @@ nb::object rows_or_none(nb::handle owner, const Elements &elements) {
 using Attributes =
     std::map<std::string, nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>>;
 
-std::shared_ptr<LoadedMesh> make_mesh(const Table<float, 3> &vertices, const Table<std::uint32_t, 3> &faces,
-                                      const std::optional<Table<float, 3>> &normals,
-                                      const std::optional<Table<float, 2>> &uvs,
-                                      const Attributes &attributes) {
+std::shared_ptr<LoadedMesh> make_mesh(const Rows<3> &vertices, const Rows<3, std::uint32_t> &faces,
+                                      const std::optional<Rows<3>> &normals,
+                                      const std::optional<Rows<2>> &uvs, const Attributes &attributes) {
     auto mesh = std::make_shared<LoadedMesh>();
     assign<3>(mesh->positions, vertices);
     assign<3>(mesh->triangles, faces);
@@ -100,6 +83,7 @@ std::shared_ptr<LoadedMesh> from_file(MeshData data, bool flip_uvs) {
     mesh->material_libraries = std::move(data.material_libraries);
     mesh->face_normals = data.face_normals;
     mesh->mended = data.mended;
+    keep_polygons(*mesh, data.polygons);
     return mesh;
 }
 
@@ -162,8 +146,8 @@ std::shared_ptr<LoadedMesh> part(const LoadedMesh &mesh, std::size_t first, std:
     return result;
 }
 
-using MeshArrays = std::tuple<Table<float, 3>, Table<std::uint32_t, 3>, std::optional<Table<float, 3>>,
-                              std::optional<Table<float, 2>>>;
+using MeshArrays =
+    std::tuple<Rows<3>, Rows<3, std::uint32_t>, std::optional<Rows<3>>, std::optional<Rows<2>>>;
 using AttributeState = std::tuple<bool, nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>>;
 using MeshState = std::tuple<MeshArrays, std::map<std::string, AttributeState>, decltype(LoadedMesh::groups),
                              decltype(LoadedMesh::material_libraries), bool, bool, bool>;
@@ -177,9 +161,17 @@ nb::tuple mesh_state(nb::handle self) {
     const nb::tuple arrays = nb::make_tuple(
         rows_of<float, 3>(self, mesh.positions), rows_of<std::uint32_t, 3>(self, mesh.triangles),
         rows_or_none<float, 3>(self, mesh.normals), rows_or_none<float, 2>(self, mesh.uvs));
-    return nb::make_tuple(arrays, attribute_states, mesh.groups, mesh.material_libraries, mesh.face_normals,
-                          mesh.mended, mesh.computed_normals);
+    const nb::tuple state = nb::make_tuple(arrays, attribute_states, mesh.groups, mesh.material_libraries,
+                                           mesh.face_normals, mesh.mended, mesh.computed_normals);
+    if (mesh.face_coordinates.empty()) return state;
+    constexpr std::size_t numbers = sizeof(FaceCoordinates) / sizeof(std::uint32_t);
+    return nb::make_tuple(state, rows_of<std::uint32_t, numbers>(self, mesh.face_coordinates),
+                          mesh.face_count);
 }
+
+using MeshOfFacesState =
+    std::tuple<MeshState, Rows<sizeof(FaceCoordinates) / sizeof(std::uint32_t), std::uint32_t>,
+               std::uint32_t>;
 
 void restore_mesh(LoadedMesh &mesh, const MeshState &state) {
     const auto &[arrays, attribute_states, groups, material_libraries, face_normals, mended, computed] =
@@ -200,9 +192,18 @@ void restore_mesh(LoadedMesh &mesh, const MeshState &state) {
     new (&mesh) LoadedMesh(std::move(*made));
 }
 
+void restore_mesh_of_faces(LoadedMesh &mesh, const MeshOfFacesState &state) {
+    const auto &[basic, coordinates, face_count] = state;
+    restore_mesh(mesh, basic);
+    const auto *first = reinterpret_cast<const FaceCoordinates *>(coordinates.data());
+    mesh.face_coordinates.assign(first, first + coordinates.shape(0));
+    mesh.face_count = face_count;
+    validate(mesh);
+}
+
 using Indices = nb::ndarray<const std::uint32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-std::shared_ptr<CurveSet> make_curves(const Table<float, 4> &points, const Indices &segments) {
+std::shared_ptr<CurveSet> make_curves(const Rows<4> &points, const Indices &segments) {
     auto curves = std::make_shared<CurveSet>();
     assign<4>(curves->points, points);
     curves->segments.assign(segments.data(), segments.data() + segments.size());
@@ -246,8 +247,8 @@ void bind_meshes(nb::module_ &m) {
     nb::exception<MeshError>(m, "MeshError", PyExc_ValueError);
 
     nb::class_<Mesh>(m, "MeshBase", "Arrays of a triangle mesh.");
-    nb::class_<LoadedMesh, Mesh>(m, "Mesh", "A triangle mesh; its arrays cannot be changed.")
-        .def(nb::new_(&make_mesh), "vertices"_a, "faces"_a, "normals"_a = nb::none(), "uvs"_a = nb::none(),
+    nb::class_<LoadedMesh, Mesh> mesh(m, "Mesh", "A triangle mesh; its arrays cannot be changed.");
+    mesh.def(nb::new_(&make_mesh), "vertices"_a, "faces"_a, "normals"_a = nb::none(), "uvs"_a = nb::none(),
              "attributes"_a = Attributes(),
              "vertices (N, 3) float32; faces (M, 3) uint32, indices of vertices; normals (N, 3) float32 of "
              "unit length; "
@@ -295,7 +296,9 @@ void bind_meshes(nb::module_ &m) {
         .def_ro("computed_normals", &LoadedMesh::computed_normals,
                 "Whether its normals come from `with_vertex_normals`, and not from a file.")
         .def("__getstate__", &mesh_state)
-        .def("__setstate__", &restore_mesh);
+        .def("__setstate__", &restore_mesh)
+        .def("__setstate__", &restore_mesh_of_faces);
+    bind_polygons(m, mesh);
 
     nb::class_<CurveSet>(m, "Curves", "Control points of curves.")
         .def(nb::new_(&make_curves), "points"_a, "segments"_a,
@@ -310,7 +313,7 @@ void bind_meshes(nb::module_ &m) {
                  return nb::make_tuple(rows_of<float, 4>(self, curves.points),
                                        view(self, curves.segments.data(), {curves.segments.size()}));
              })
-        .def("__setstate__", [](CurveSet &curves, const std::tuple<Table<float, 4>, Indices> &state) {
+        .def("__setstate__", [](CurveSet &curves, const std::tuple<Rows<4>, Indices> &state) {
             new (&curves) CurveSet(std::move(*std::apply(&make_curves, state)));
         });
 
@@ -335,19 +338,21 @@ void bind_meshes(nb::module_ &m) {
 
     m.def(
         "load_obj",
-        [](const std::filesystem::path &path, int index, bool flip_uvs) {
-            return from_file(read_obj(read_file(path).bytes(), index), flip_uvs);
+        [](const std::filesystem::path &path, int index, bool flip_uvs, bool polygons) {
+            return from_file(read_obj(read_file(path).bytes(), index, polygons), flip_uvs);
         },
-        "path"_a, "shape_index"_a = -1, "flip_uvs"_a = false,
+        "path"_a, "shape_index"_a = -1, "flip_uvs"_a = false, "polygons"_a = false,
         "Reads a Wavefront OBJ file, or one of the parts between its \"g\" and \"usemtl\" lines; flip_uvs: v "
-        "runs the other way. Raises MeshError.");
+        "runs the other way; polygons: keeps them too. Raises MeshError.");
     m.def(
         "load_ply",
-        [](const std::filesystem::path &path, bool flip_uvs, bool srgb_colors) {
-            return from_file(read_ply(read_file(path).bytes(), srgb_colors), flip_uvs);
+        [](const std::filesystem::path &path, bool flip_uvs, bool srgb_colors, bool polygons) {
+            return from_file(read_ply(read_file(path).bytes(), srgb_colors, polygons), flip_uvs);
         },
-        "path"_a, "flip_uvs"_a = false, "srgb_colors"_a = false,
-        "Reads a PLY file, text or binary; srgb_colors: integer colours are encoded. Raises MeshError.");
+        "path"_a, "flip_uvs"_a = false, "srgb_colors"_a = false, "polygons"_a = false,
+        "Reads a PLY file, text or binary; srgb_colors: integer colours are encoded; polygons: keeps them "
+        "too. "
+        "Raises MeshError.");
     m.def(
         "load_serialized",
         [](const std::filesystem::path &path, int index, bool flip_uvs) {

@@ -16,6 +16,7 @@ NB_MODULE(_core, m) {
         "'maximum', 'unit', 'choices', 'doc'}]}}}.");
     lajolla::bind_meshes(m);
     lajolla::bind_grids(m);
+    lajolla::bind_face_images(m);
     lajolla::bind_measurements(m);
     lajolla::bind_scene(m);
     lajolla::bind_object_ids(m);

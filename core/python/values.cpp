@@ -7,6 +7,7 @@
 
 #include "geometry/curves.h"
 #include "geometry/mesh.h"
+#include "images/face_images.h"
 #include "images/grid.h"
 #include "images/image.h"
 #include "scatter/measured.h"
@@ -52,7 +53,7 @@ public:
         if (PyList_Check(o) || PyTuple_Check(o)) return nested([&] { return list(o); });
         if (o == Py_None) return {};
         if (nb::inst_check(source))
-            return shared_object<Mesh, Image, Grid, CurveSet, Measurement, EntryColumn>(source);
+            return shared_object<Mesh, Image, FaceImages, Grid, CurveSet, Measurement, EntryColumn>(source);
         if (auto array = doubles(o); array && depth_ < deepest - 1) return *std::move(array);
         return other(o);
     }

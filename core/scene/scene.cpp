@@ -88,8 +88,10 @@ void Scene::describe_looks() {
     for (const Bsdf &bsdf : parts_.bsdfs) all.push_back(traits(bsdf));
     bsdf_traits_ = std::move(all);
     for (const TextureModel &texture : parts_.textures)
-        if (const auto *bitmap = std::get_if<Bitmap>(&texture))
-            reads_footprints_ |= bitmap->reads_footprints();
+        match(texture, [&](const auto &model) {
+            if constexpr (requires { model.reads_footprints(); })
+                reads_footprints_ |= model.reads_footprints();
+        });
     materials_ = std::make_shared<const Materials>(parts_.materials, parts_.adapters, parts_.bsdfs);
     for (const Adapter &adapter : parts_.adapters) has_blends_ |= std::holds_alternative<Blend>(adapter);
     needs_ = needs_of(parts_, bsdf_traits_, reads_footprints_);

@@ -1,5 +1,6 @@
 #include "textures/textures.h"
 
+#include <optional>
 #include <stdexcept>
 
 namespace lajolla {
@@ -111,6 +112,93 @@ Spectrum MeshAttribute::look_up(const TexturePoint<float> &at) const {
     const Triangle &t = shape->mesh->triangles[primitive];
     const Vec2f b = at.hit->barycentric;
     return value(t[0]) * (1 - b.x - b.y) + value(t[1]) * b.x + value(t[2]) * b.y;
+}
+
+// --- ptex ------------------------------------------------------------------------------------------------
+
+namespace {
+
+// A point of a triangle in the face that the triangle is a part of.
+struct FacePoint {
+    const TriangleMesh *shape;
+    std::uint32_t face;
+    Vec2f place, by_b1, by_b2; // and its derivatives by the barycentric coordinates
+};
+
+std::optional<FacePoint> face_point(const TexturePoint<float> &at, const FaceImages &images) {
+    const TriangleMesh *shape = mesh_at(at);
+    if (!shape || shape->mesh->face_coordinates.empty()) return std::nullopt;
+    const FaceCoordinates &triangle =
+        shape->mesh->face_coordinates[static_cast<std::size_t>(at.hit->primitive)];
+    if (triangle.face >= images.faces().size()) return std::nullopt;
+    const auto corner = [&](std::size_t k) { return FaceCoordinates::unpacked(triangle.corners[k]); };
+    const Vec2f first = corner(0), by_b1 = corner(1) - first, by_b2 = corner(2) - first;
+    const Vec2f b = at.hit->barycentric;
+    return FacePoint{shape, triangle.face, first + by_b1 * b.x + by_b2 * b.y, by_b1, by_b2};
+}
+
+constexpr int sharpest_level = -static_cast<int>(FaceImages::most_log_size); // for every neighbour
+
+} // namespace
+
+void Ptex::build() {
+    if (!images || images->faces().empty()) throw std::invalid_argument("a ptex needs images");
+    if (filter_type == FaceFilter::trilinear) images->make_levels();
+}
+
+// log2 of the size of the footprint in texels.
+float Ptex::level(const TexturePoint<float> &at) const {
+    const FacePoint point = *face_point(at, *images);
+    const Mesh &mesh = *point.shape->mesh;
+    const Triangle &t = mesh.triangles[static_cast<std::size_t>(at.hit->primitive)];
+    const EdgeCross<float> triangle(mesh.positions[t[1]] - mesh.positions[t[0]],
+                                    mesh.positions[t[2]] - mesh.positions[t[0]]);
+    const FaceImages::Face &face = images->faces()[point.face];
+    const float area = abs(point.by_b1.x * point.by_b2.y - point.by_b1.y * point.by_b2.x);
+    const float texels = area * static_cast<float>(1u << (face.log_width + face.log_height));
+    const float size = at.hit->footprint.radius * std::sqrt(texels / triangle.area());
+    return std::isfinite(size) ? log2(max(size, 1e-8f)) : static_cast<float>(FaceImages::most_log_size);
+}
+
+Spectrum Ptex::look_up(const TexturePoint<float> &at) const {
+    const std::optional<FacePoint> point = face_point(at, *images);
+    if (!point) return Spectrum(0);
+    if (filter_type == FaceFilter::nearest) return images->nearest(point->face, point->place);
+    if (!at.filtered || filter_type == FaceFilter::bilinear)
+        return images->smooth(point->face, point->place, sharpest_level);
+    constexpr auto most = static_cast<float>(FaceImages::most_log_size);
+    const float wanted = std::clamp(level(at), -most, most), below = std::floor(wanted);
+    const auto at_level = [&](float l) {
+        return images->smooth(point->face, point->place, static_cast<int>(l));
+    };
+    return lerp(wanted - below, at_level(below), at_level(below + 1));
+}
+
+UvGradient<float> Ptex::sharp_gradient(const TexturePoint<float> &at) const {
+    const std::optional<FacePoint> point = face_point(at, *images);
+    if (!point || filter_type == FaceFilter::nearest) return {};
+    const FaceImages::Face &face = images->faces()[point->face];
+    const auto slope = [&](Vec2f step) {
+        const Vec2f p = point->place;
+        const Vec2f from{max(p.x - step.x, 0.0f), max(p.y - step.y, 0.0f)},
+            to{min(p.x + step.x, 1.0f), min(p.y + step.y, 1.0f)};
+        const Spectrum change = images->smooth(point->face, to, sharpest_level) -
+                                images->smooth(point->face, from, sharpest_level);
+        return change * (1 / (to.x - from.x + to.y - from.y));
+    };
+    const Spectrum by_s = slope({0.25f / static_cast<float>(1u << face.log_width), 0}),
+                   by_t = slope({0, 0.25f / static_cast<float>(1u << face.log_height)});
+    const Spectrum by_b1 = by_s * point->by_b1.x + by_t * point->by_b1.y,
+                   by_b2 = by_s * point->by_b2.x + by_t * point->by_b2.y;
+    // As for dp_du and dp_dv, barycentric coordinates stand for texture coordinates that are not there.
+    const Mesh &mesh = *point->shape->mesh;
+    if (mesh.uvs.empty()) return {by_b1, by_b2};
+    const Triangle &t = mesh.triangles[static_cast<std::size_t>(at.hit->primitive)];
+    const Vec2f d1 = mesh.uvs[t[1]] - mesh.uvs[t[0]], d2 = mesh.uvs[t[2]] - mesh.uvs[t[0]];
+    const float determinant = d1.x * d2.y - d1.y * d2.x;
+    if (determinant == 0) return {by_b1, by_b2};
+    return {(by_b1 * d2.y - by_b2 * d1.y) * (1 / determinant),
+            (by_b2 * d1.x - by_b1 * d2.x) * (1 / determinant)};
 }
 
 float Wireframe::interior(const TexturePoint<float> &at) const {

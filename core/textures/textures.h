@@ -14,6 +14,7 @@
 #include "geometry/hit.h"
 #include "geometry/shapes.h"
 #include "images/bitmap.h"
+#include "images/face_images.h"
 
 namespace lajolla {
 
@@ -215,6 +216,40 @@ private:
     Spectrum look_up(const TexturePoint<float> &at) const;
 };
 
+enum class FaceFilter { bilinear, nearest, trilinear };
+constexpr auto choices(FaceFilter) { return std::array{"bilinear", "nearest", "trilinear"}; }
+
+struct Ptex {
+    static constexpr const char *name = "ptex";
+    static constexpr const char *doc =
+        "A picture for each face of a mesh of quads, which needs no texture coordinates.";
+    std::shared_ptr<const FaceImages> images;
+    FaceFilter filter_type = FaceFilter::bilinear;
+
+    static constexpr auto fields() {
+        return std::tuple(field("images", &Ptex::images, "the pictures"),
+                          field("filter_type", &Ptex::filter_type,
+                                "interpolation between texels, also across the edges of faces"));
+    }
+    void build();
+    bool reads_footprints() const { return filter_type == FaceFilter::trilinear; }
+    // Black if the shape has no faces, or more than there are pictures.
+    template <class Float>
+    Rgb<Float> evaluate(const TexturePoint<Float> &at, const auto &) const {
+        return lane_by_lane(at, [&](const auto &point) { return look_up(point); });
+    }
+    template <class Float>
+    UvGradient<Float> gradient(const TexturePoint<Float> &at, const auto &) const {
+        return {lane_by_lane(at, [&](const auto &point) { return sharp_gradient(point).by_u; }),
+                lane_by_lane(at, [&](const auto &point) { return sharp_gradient(point).by_v; })};
+    }
+
+private:
+    Spectrum look_up(const TexturePoint<float> &at) const;
+    UvGradient<float> sharp_gradient(const TexturePoint<float> &at) const;
+    float level(const TexturePoint<float> &at) const;
+};
+
 struct Wireframe {
     static constexpr const char *name = "wireframe";
     static constexpr const char *doc = "The edges of a mesh's triangles.";
@@ -268,7 +303,7 @@ private:
 };
 
 using TextureModel = std::variant<Bitmap, Checkerboard, GridTexture, ScaledTexture, ClampedTexture,
-                                  MeshAttribute, Wireframe, CurvatureTexture>;
+                                  MeshAttribute, Ptex, Wireframe, CurvatureTexture>;
 
 // Reads texture handles at one point, or at one in each lane. This is the `read` that models prepare with.
 template <class Float>

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "base/sampler.h"
+#include "scene/faces.h"
 #include "scene/scene.h"
 #include "transport/coverage.h"
 
@@ -102,7 +103,7 @@ inline Spectrum FirstHit::value(const Scene &scene, const CameraRay<float> &came
     case Quantity::dp_dv: return Spectrum(hit.dp_dv);
     case Quantity::duv_dx: return difference({1, 0});
     case Quantity::duv_dy: return difference({0, 1});
-    case Quantity::prim_index: return Spectrum(static_cast<float>(hit.primitive));
+    case Quantity::prim_index: return Spectrum(static_cast<float>(face_of(scene, hit.shape, hit.primitive)));
     case Quantity::shape_index:
         return Spectrum(static_cast<float>(hit.shape) + static_cast<float>(first_shape));
     case Quantity::rel_position: return Spectrum(scene.camera_space(hit.position));

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "scene/faces.h"
 #include "transport/coverage.h"
 #include "transport/tiles.h"
 
@@ -21,7 +22,7 @@ ObjectIds ids_of(const Scene &scene, const RayHit &found) {
     ids.shape = static_cast<std::int32_t>(found.shape);
     ids.material = scene.parts().slots[found.shape].material;
     if (found.instance != RayHit::no_instance) ids.instance = static_cast<std::int32_t>(found.instance);
-    ids.primitive = static_cast<std::int32_t>(found.primitive);
+    ids.primitive = face_of(scene, ids.shape, static_cast<std::int32_t>(found.primitive));
     return ids;
 }
 

@@ -53,7 +53,7 @@ AOVS: dict[str, Variable] = {
     "shape": Variable("number of the shape at the pixel's centre, from 1; 0 for none", kind="shape"),
     "material": Variable("number of its material, from 1; 0 for none", kind="material"),
     "instance": Variable("number of the instance that it is in, from 1; 0 for none", kind="instance"),
-    "primitive": Variable("number of the triangle, or the like, in its shape, from 0; -1 for none"),
+    "primitive": Variable("number of the triangle, face, or the like, in its shape, from 0; -1 for none"),
     "crypto_shape": Variable("Cryptomatte of the shapes", kind="shape"),
     "crypto_material": Variable("Cryptomatte of the materials", kind="material"),
     "crypto_instance": Variable("Cryptomatte of the instances", kind="instance"),

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from measured_tools import synthetic, tensor_bytes
 from mesh_files import samples_of
 from plugin_tools import scene_with
+from ptex_files import DIFFERENCES, TILES, cube_pictures, cube_with
 from voxel_files import NANOVDB, first_grid, nvdb, vol
 
 from lajolla import image
@@ -51,6 +52,16 @@ def measurements() -> tuple[bytes, ...]:
     return tuple(tensor_bytes(synthetic(channels=channels, size=8)) for channels in (3, 5))
 
 
+def pictures_of_faces() -> tuple[bytes, ...]:
+    """Ptex files in several encodings."""
+    files = [cube_pictures(kind) for kind in ("f4", "u1", "u2")]
+    for file, encoding in zip(files, (TILES, DIFFERENCES, TILES), strict=True):
+        for face in file.faces:
+            face.encoding = encoding
+            face.texels[0, 0] = 0.5
+    return tuple(file.content() for file in files)
+
+
 def picture(name: str, folder: Path, channels: int = 3) -> bytes:
     """A picture as our own writer makes it."""
     path = folder / name
@@ -72,6 +83,10 @@ def shape(plugin: str, **more: Any) -> Callable[[str], dict[str, Any]]:  # noqa:
     return lambda name: scene_with("shape", {"type": plugin, "filename": name, **more})
 
 
+def surface(plugin: str) -> Callable[[str], dict[str, Any]]:
+    return shape(plugin, subdivision=True, subdivision_level=1)
+
+
 def texture(**more: Any) -> Callable[[str], dict[str, Any]]:  # noqa: ANN401
     return lambda name: scene_with("texture", {"type": "bitmap", "filename": name, **more})
 
@@ -89,6 +104,10 @@ def spectrum(name: str) -> dict[str, Any]:
     return scene_with("texture", {"type": "spectrum", "filename": name})
 
 
+def faces(name: str) -> dict[str, Any]:
+    return scene_with("shape", cube_with(name))
+
+
 def measured(name: str) -> dict[str, Any]:
     return scene_with("bsdf", {"type": "measured", "filename": name})
 
@@ -99,10 +118,10 @@ def formats(folder: Path) -> dict[str, Format]:
         picture(name, folder)
     seen = (texture(), sky, shape("heightfield"))
     return {
-        "obj": Format(".obj", (shape("obj", load_materials=True),), (OBJ, *samples_of("obj"))),
+        "obj": Format(".obj", (shape("obj", load_materials=True), surface("obj")), (OBJ, *samples_of("obj"))),
         "mtl": Format(".mtl", (lambda name: scene_with("shape", {"type": "obj", "filename": "beside.obj",
                       "load_materials": True}),), (MTL,), OBJ.replace(b"a.mtl", b"broken.mtl")),
-        "ply": Format(".ply", (shape("ply"),), samples_of("ply")),
+        "ply": Format(".ply", (shape("ply"), surface("ply")), samples_of("ply")),
         "serialized": Format(".serialized", (shape("serialized"),), samples_of("serialized")),
         "curves": Format(".txt", (shape("linearcurve"), shape("bsplinecurve")), (CURVES,)),
         "hair": Format(".hair", (shape("hair", angle_threshold=5.0),), (hair(), CURVES)),
@@ -111,6 +130,7 @@ def formats(folder: Path) -> dict[str, Format]:
         "nvdb": Format(".nvdb", (volume,), (nvdb(*first_grid()), NANOVDB.read_bytes())),
         "vdb": Format(".vdb", (volume,), (b" BDV\0\0\0\0" + bytes(200),)),
         "tensors": Format(".bsdf", (measured,), measurements()),
+        "ptx": Format(".ptx", (faces,), pictures_of_faces()),
         "spectrum": Format(".spd", (spectrum,), (SPECTRUM,)),
         **{
             ending[1:]: Format(ending, seen, (picture("a" + ending, folder),))

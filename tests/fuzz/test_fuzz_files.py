@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 import lajolla
 
 CORPUS = Path(__file__).parent / "corpus"
-NAMES = ("obj", "mtl", "ply", "serialized", "curves", "hair", "vol", "nvdb", "vdb", "tensors", "spectrum",
-         "exr", "hdr", "pfm", "png", "jpg")  # fmt: skip
+NAMES = ("obj", "mtl", "ply", "serialized", "curves", "hair", "vol", "nvdb", "vdb", "ptx", "tensors",
+         "spectrum", "exr", "hdr", "pfm", "png", "jpg")  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -81,6 +81,8 @@ def with_arrays(mesh: _core.Mesh, arrays: Mapping[str, Any], before: Values, aft
     moved = "positions" in arrays or "triangles" in arrays
     renew = moved and "normals" not in arrays and kept["normals"] is not None
     made = mesh_of({**kept, **({"normals": None} if renew else {}), **with_unit_normals(arrays)})
+    if "triangles" not in arrays:
+        made = made.with_faces_of(mesh)
     if renew:
         return _smoothed(made, after)
     return made if "normals" in arrays or not _is_smoothed(mesh, before) else _smoothed(made, before)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from .default_camera import default_camera
 from .entries import Objects, Places, View
 from .inside import is_inside
 from .instances import add_instance, check_size, plain_group
-from .mapping import warn_of_missing_coordinates
+from .mapping import check_textures
 from .outputs import description_of, repeated
 from .plugin import BLACK, Entry, FilmPart, Part, Slot
 from .runs import add_run
@@ -37,6 +38,7 @@ def assemble(builder: Builder, scene: Node) -> Entry:
         if not isinstance(prop.value, Node):
             builder.diagnostics.unknown(f'a scene has no property "{prop.name}"', prop.name_location)
     check_size(scene)
+    builder.camera = partial(_given_view, builder, scene)
     for _, node in scene.children("shape"):
         _add_shape(builder, node)
     _warn_of_unused_area_lights(builder, scene)
@@ -45,11 +47,11 @@ def assemble(builder: Builder, scene: Node) -> Entry:
             _add_emitter(builder, node)
     _warn_of_several_environments(builder, scene)
     _warn_of_missing_attributes(builder)
-    warn_of_missing_coordinates(builder)
+    check_textures(builder)
     if not builder.emitters:
         _add_missing_light(builder, scene)
-    sensor = cameras.chosen(builder, scene)
-    view = _view(builder, scene, sensor)
+    sensor = _chosen(builder, scene)
+    view = _given_view(builder, scene) or _view(builder, scene, None)
     output = _output(builder, _integrator(builder, scene))
     if builder.kept is None:
         builder.views.update(_other_views(builder, scene, sensor))
@@ -71,6 +73,16 @@ def assemble(builder: Builder, scene: Node) -> Entry:
         **view,
         **output,
     }
+
+
+def _chosen(builder: Builder, scene: Node) -> Node | None:
+    return builder.once("chosen camera", lambda: cameras.chosen(builder, scene))
+
+
+def _given_view(builder: Builder, scene: Node) -> Entry | None:
+    """The view of the scene's own camera, which shapes may need before the others."""
+    sensor = _chosen(builder, scene)
+    return builder.once("view", lambda: _view(builder, scene, sensor)) if sensor else None
 
 
 def _view(builder: Builder, scene: Node, sensor: Node | None) -> Entry:

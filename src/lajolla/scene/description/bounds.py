@@ -41,6 +41,8 @@ def _bounds(context: Context, entry: Entry) -> Bounds | None:
     if kind == "bitmap":
         beyond = OUTSIDE.get(entry.get("wrap_mode", ""))
         return _hull([entry["image"].bounds(), *([] if beyond is None else [(beyond, beyond)])])
+    if kind == "ptex":
+        return entry["images"].bounds()
     fields = context.declared("texture", kind)
     if kind == "clamped":
         default = {f.name: f.default for f in fields}

@@ -168,6 +168,8 @@ class Builder:
     members: Callable[[Node], Iterator[Node]] = lambda node: iter((node,))  # of a run, one by one
     pictures: Budget = field(default_factory=Budget)
     sky_pixels: int = 0  # of the pictures of skies
+    subdivision_triangles: int = 0
+    camera: Callable[[], Entry | None] = lambda: None  # the scene's, with its film
     settings: dict[Path, int] = field(default_factory=dict)  # number of settings each file is read with
     kept: dict[Node, Construction] | None = None  # how nodes were built, for the way out
     made: dict[Hashable, object] = field(default_factory=dict)  # by `once`

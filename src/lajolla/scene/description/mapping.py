@@ -1,17 +1,39 @@
-"""Checks that textured shapes have texture coordinates."""
+"""Checks that textured shapes have what their textures need: coordinates, or faces."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from .builder import Builder
+from .faces import check_faces
 from .plugin import BLACK, Entry
 
 MAPPED = ("bitmap", "checkerboard", "gridtexture")  # where on a texture a point is comes from its coordinates
 
 
-def warn_of_missing_coordinates(builder: Builder) -> None:
-    """Warns about shapes without texture coordinates whose textures need them."""
+def check_textures(builder: Builder) -> None:
+    """Warns about shapes without texture coordinates whose textures need them.
+
+    Raises:
+        SceneError: a texture has a picture for each face, and a shape has other faces, or none.
+    """
+    _warn_of_missing_coordinates(builder)
+    if any(texture["type"] == "ptex" for texture in builder.textures.stored):
+        _check_faces(builder)
+
+
+def _check_faces(builder: Builder) -> None:
+    for i, shape in builder.shapes.alike():
+        materials = shape["material"]
+        if not isinstance(materials, int):  # several in a column
+            materials = builder.shapes[i]["material"]
+        emitter = shape.get("emitter", BLACK)
+        lights = [builder.emitters[emitter]] if emitter >= 0 else []
+        for owner in (*_parts(builder, materials), *lights):
+            check_faces(builder, owner, shape, builder.places[f"shapes[{i}]"])
+
+
+def _warn_of_missing_coordinates(builder: Builder) -> None:
     needing: dict[int, bool] = {}  # materials
     for i, shape in builder.shapes.alike():
         if shape["type"] != "sdfgrid" and not ("mesh" in shape and shape["mesh"].uvs is None):

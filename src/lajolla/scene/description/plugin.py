@@ -74,6 +74,7 @@ class Context(Protocol):
     diagnostics: Diagnostics
     pictures: Budget
     sky_pixels: int  # in all computed skies so far
+    subdivision_triangles: int  # of all subdivision surfaces so far
 
     @property
     def film(self) -> Film:
@@ -82,6 +83,9 @@ class Context(Protocol):
     @property
     def layers(self) -> tuple[Layer, ...]:
         """The film's settings for the integrators in `multichannel`."""
+
+    def camera(self) -> Entry | None:
+        """The entries "sensor" and "film" of the scene's camera; None if it has none."""
 
     def directories(self, location: Location) -> list[Path]:
         """The folders in which files named by an object are searched."""

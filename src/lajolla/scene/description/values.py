@@ -357,6 +357,7 @@ CONVERTERS: dict[str, Converter] = {
     "mesh": _mesh,
     "curves": _object("Curves"),
     "image": _array,
+    "face_images": _object("FaceImages"),
     "array": _table,
     "arrays": _tables,
 }
@@ -382,6 +383,7 @@ EXPECTED = {
     "mesh": "a mesh object",
     "curves": "a curves object",
     "image": "an image object",
+    "face_images": "pictures of faces",
     "array": "an array",
     "arrays": "a dict of arrays",
 }

@@ -22,7 +22,7 @@ from ..description.assemble import NEVER_LIGHTS
 from ..description.builder import Builder, Construction, named
 from ..description.instances import Contents
 from ..description.plugin import Entry, Part, Plugin, Values, is_child
-from ..description.plugins import colours
+from ..description.plugins import colours, subdivision
 from ..description.plugins.textures import decode, is_alpha
 from ..formats.images import FLOAT_RGB, Pixels, read_pixels
 from ..formats.ply import ply_bytes
@@ -45,7 +45,7 @@ from .plugins import (
 )
 
 # Properties of ours that only say how to find what is written already.
-READING = ("collapse", "load_materials", "max_smooth_angle", "srgb")
+READING = ("collapse", "load_materials", "max_smooth_angle", "srgb", *subdivision.NAMES)
 # Those that Mitsuba 3 does not have, with their defaults.
 OURS = {"multiscatter": False, **COMPOSITING}
 ENVIRONMENTS = ("constant", "envmap", "sunsky")
@@ -319,13 +319,18 @@ class Translator:
     def _packed(self, node: Node, entry: Mapping[str, Any]) -> Node:
         name = self.pack(".ply", ply_bytes(entry["mesh"]))
         kept = ("", "face_normals", "flip_normals", "to_world")
-        properties = [p for p in node.properties if p.name in kept or isinstance(p.value, Node)]
+        properties = [
+            p
+            for p in node.properties
+            if p.name in kept or (isinstance(p.value, Node) and p.name not in subdivision.NAMES)
+        ]
         return having(Node("shape", "ply", node.location, node.location, node.id, properties), filename=name)
 
     def _must_pack(self, node: Node, entry: Mapping[str, Any]) -> bool:
         if node.plugin in ("obj", "ply", "serialized"):
             indexed = node.plugin == "obj" and node.find("shape_index") is not None
-            if self.pack_all or indexed or node.find("max_smooth_angle") is not None:
+            divided = getattr(node.find("subdivision"), "value", False) is True
+            if self.pack_all or indexed or divided or node.find("max_smooth_angle") is not None:
                 return True
             mesh = entry["mesh"]
             coloured = node.plugin != "ply" and bool(

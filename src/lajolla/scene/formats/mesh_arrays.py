@@ -25,6 +25,94 @@ OTHER_NAMES = {  # that Mitsuba gives them
 ATTRIBUTES = ("vertex_", "face_")  # what names of attributes begin with
 
 
+# Of meshes of polygons, with the type of their numbers and their columns; None: any number of them.
+POLYGON_ARRAYS: Mapping[str, tuple[type[np.generic], int | None]] = {
+    "faces": (np.uint32, None),
+    "face_sizes": (np.uint32, 1),
+    "corner_uvs": (np.float32, 2),
+    "creases": (np.uint32, 2),
+    "crease_sharpness": (np.float32, 1),
+    "sharp_corners": (np.uint32, 1),
+    "corner_sharpness": (np.float32, 1),
+}
+
+
+def polygons_of(arrays: Mapping[str, Any], attributes: Mapping[str, Any]) -> _core.Mesh:
+    """A mesh of polygons, which can be subdivided.
+
+    Args:
+        arrays: by the names of `MESH_ARRAYS` and `POLYGON_ARRAYS`; `triangles` are faces too.
+        attributes: of vertices, and of faces.
+
+    Raises:
+        ValueError: an array is missing or of the wrong shape, or shapes do not fit together.
+    """
+    given = {name: value for name, value in arrays.items() if value is not None}
+    if "normals" in given:
+        raise ValueError("normals are computed from faces, and are none of their arrays")
+    if "positions" not in given or ("faces" in given) == ("triangles" in given):
+        raise ValueError("a mesh of polygons needs positions and faces")
+    if "uvs" in given and "corner_uvs" in given:
+        raise ValueError("a mesh takes uvs or corner_uvs, not both")
+    positions = _table("positions", given["positions"])
+    if "faces" in given:
+        sizes, corners = _faces(given["faces"], given.get("face_sizes"))
+    else:
+        corners = _table("triangles", given["triangles"]).ravel()
+        sizes = np.full(len(corners) // 3, 3, np.uint32)
+    uvs, uv_corners = None, None
+    if "uvs" in given:
+        uvs, uv_corners = _table("uvs", given["uvs"]), corners
+    elif "corner_uvs" in given:
+        uvs, uv_corners = np.unique(_polygon_array("corner_uvs", given), axis=0, return_inverse=True)
+        uv_corners = np.ascontiguousarray(uv_corners.reshape(-1), np.uint32)
+    return _core.polygon_mesh(
+        positions,
+        sizes,
+        corners,
+        uvs,
+        uv_corners,
+        {name: _table(name, value) for name, value in attributes.items()},
+        _polygon_array("creases", given),
+        _polygon_array("crease_sharpness", given).ravel(),
+        _polygon_array("sharp_corners", given).ravel(),
+        _polygon_array("corner_sharpness", given).ravel(),
+    )
+
+
+def _faces(given: object, sizes: object) -> tuple[Array, Array]:
+    """The numbers of corners of faces, and the corners of all of them."""
+    if sizes is not None:
+        return _numbers("face_sizes", sizes).ravel(), _numbers("faces", given).ravel()
+    table = _numbers("faces", given)
+    if table.ndim != 2:
+        raise ValueError("faces must have the shape (count, corners), or come with face_sizes")
+    return np.full(len(table), table.shape[1], np.uint32), table.ravel()
+
+
+def _polygon_array(name: str, given: Mapping[str, Any]) -> Array:
+    """An array with its columns; empty where it is missing."""
+    columns = POLYGON_ARRAYS[name][1] or 1
+    table = _numbers(name, given.get(name, ()))
+    if table.size % columns or (table.ndim == 2 and table.shape[1] != columns) or table.ndim > 2:
+        raise ValueError(f"{name} must have the shape (count, {columns})")
+    return table.reshape(-1, columns)
+
+
+def _numbers(name: str, value: object) -> Array:
+    try:
+        table = np.asarray(value)
+    except ValueError:
+        table = np.empty(0, object)
+    kind = POLYGON_ARRAYS[name][0]
+    if table.size and table.dtype.kind not in ("iuf" if kind is np.float32 else "iu"):
+        wanted = "numbers" if kind is np.float32 else "whole numbers"
+        raise ValueError(f"{name} must be an array of {wanted}")
+    if kind is np.uint32 and table.size and not 0 <= table.min() <= table.max() < 2**32:
+        raise ValueError(f"{name} must not be negative")
+    return np.ascontiguousarray(table, kind)
+
+
 def mesh_of(arrays: Mapping[str, Any]) -> _core.Mesh:
     """A mesh of arrays; names other than those of `MESH_ARRAYS` are attributes, and None is left out.
 

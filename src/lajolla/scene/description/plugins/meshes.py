@@ -10,17 +10,26 @@ import numpy as np
 
 from lajolla import _core
 
-from ...formats.mesh_arrays import MESH_ARRAYS, OTHER_NAMES, mesh_of, with_unit_normals
+from ...formats.mesh_arrays import (
+    MESH_ARRAYS,
+    OTHER_NAMES,
+    POLYGON_ARRAYS,
+    mesh_of,
+    polygons_of,
+    with_unit_normals,
+)
 from ...formats.mtl import materials_of
 from ...schema import CHILDREN, Field
 from ...syntax.errors import Location, SceneError
 from ...syntax.files import identity
 from ...syntax.names import snake_case
-from ...syntax.nodes import Array, Node
+from ...syntax.nodes import Array, Node, below
 from ...syntax.transforms import is_even, turns_over
 from ..plugin import Context, Entry, Part, Plugin, Values
+from . import subdivision
 
 Mesh = _core.Mesh
+WITH_POLYGONS = ("load_obj", "load_ply")
 LOADING = ("flip_tex_coords", "max_smooth_angle", "shape_index", "srgb")
 
 
@@ -33,11 +42,20 @@ def _file_shape(loader: str) -> Callable[[Context, Node, Values], Entry | list[P
         options = {k: values.pop(k) for k in LOADING if k in values}
         options.setdefault("flip_tex_coords", loader == "load_obj")
         path, location = context.find(node)
-        key = (loader, identity(path), *sorted(options.items()))
+        settings = subdivision.take_settings(context, node, values) if loader in WITH_POLYGONS else None
+        if settings is not None and "max_smooth_angle" in options:
+            place = node.property_location("max_smooth_angle")
+            raise SceneError(f"{node} takes max_smooth_angle or subdivision, not both", place)
+        if loader in WITH_POLYGONS and (settings is not None or uses_ptex(node)):
+            options["polygons"] = True
+        key: tuple[Any, ...] = (loader, identity(path), *sorted(options.items()))
         mesh = context.read(key, lambda: _load(context, loader, path, options, location))
         if mesh.face_normals:
             values["face_normals"] = True
-        key, mesh = _with_normals(context, key, mesh, values)
+        if settings is not None:
+            mesh, key = subdivision.subdivided(context, node, key, mesh, settings, values), (*key, node)
+        else:
+            key, mesh = _with_normals(context, key, mesh, values)
         parts = [] if collapse else _parts(context, node, mesh, path, load_materials=load_materials)
         if not parts:
             return {"type": "mesh", "mesh": mesh, **values}
@@ -49,10 +67,17 @@ def _file_shape(loader: str) -> Callable[[Context, Node, Values], Entry | list[P
     return build
 
 
+def uses_ptex(node: Node) -> bool:
+    """Whether a texture of a shape needs the faces of its mesh."""
+    return any(part.kind == "texture" and part.plugin.lower() == "ptex" for part in below([node]))
+
+
 def _load(context: Context, loader: str, path: Path, options: Values, location: Location) -> Mesh:
     load = getattr(_core, loader)
     index = [options["shape_index"]] if "shape_index" in options else []
     encoding = {"srgb_colors": options["srgb"]} if "srgb" in options else {}
+    if "polygons" in options:
+        encoding["polygons"] = True
     try:
         mesh: Mesh = load(str(path), *index, flip_uvs=options["flip_tex_coords"], **encoding)
     except _core.MeshError as problem:
@@ -145,11 +170,16 @@ def _bsdf_of(material: str, bsdfs: list[tuple[str, Node]], library: dict[str, No
 
 def _from_arrays(context: Context, node: Node, values: Values) -> Entry:
     """A mesh object, or one of arrays; without normals it is smooth, as those of files are."""
-    given = {name: values.pop(name) for name in MESH_ARRAYS if name in values}
+    given = {name: values.pop(name) for name in (*MESH_ARRAYS, *POLYGON_ARRAYS) if name in values}
     attributes = values.pop("attributes", {})
     if wrong := next((name for name in attributes if name in OTHER_NAMES), None):
         raise SceneError(f'{node}: "{wrong}" is no attribute; use "{OTHER_NAMES[wrong]}"', node.location)
+    settings = subdivision.take_settings(context, node, values)
     if "mesh" in values:
+        if settings is not None:
+            raise SceneError(
+                f"{node} has no polygons that could be subdivided: it takes arrays", node.location
+            )
         if given or attributes:
             raise SceneError(f"{node} takes a mesh or arrays, not both", node.location)
         if values["mesh"].computed_normals:  # of another library's mesh
@@ -157,9 +187,15 @@ def _from_arrays(context: Context, node: Node, values: Values) -> Entry:
             values["mesh"] = values["mesh"].with_vertex_normals(frame.tolist())
         return {"type": "mesh", **values}
     try:
-        mesh = mesh_of({**with_unit_normals(given), **attributes})
+        if settings is not None or "faces" in given:
+            mesh = polygons_of(given, attributes)
+        else:
+            mesh = mesh_of({**with_unit_normals(given), **attributes})
     except ValueError as problem:
         raise SceneError(f"{node}: {problem}", node.location) from None
+    if settings is not None:
+        mesh = subdivision.subdivided(context, node, ("arrays", node), mesh, settings, values)
+        return {"type": "mesh", "mesh": mesh, **values}
     _, mesh = _with_normals(context, ("arrays", node), mesh, values)
     return {"type": "mesh", "mesh": mesh, **values}
 
@@ -188,6 +224,8 @@ OBJ = (
 
 def _file_plugin(name: str, doc: str, flip: bool, *fields: Field) -> Plugin:
     own = (FILENAME, Field("flip_tex_coords", "boolean", FLIP_V, flip), SMOOTH, *fields)
+    if f"load_{name}" in WITH_POLYGONS:
+        own += subdivision.FIELDS
     return Plugin(
         "shape",
         name,
@@ -203,13 +241,22 @@ def _file_plugin(name: str, doc: str, flip: bool, *fields: Field) -> Plugin:
 ARRAYS = (
     Field("positions", "array", "from Python: (N, 3) vertices"),
     Field("triangles", "array", "from Python: (M, 3) indices of vertices"),
+    Field("faces", "array", "from Python: polygons instead, (M, corners), or one after the other"),
+    Field("face_sizes", "array", "from Python: (M,) numbers of corners, if they differ"),
+    Field("corner_uvs", "array", "from Python: (corners of all faces, 2) texture coordinates"),
+    Field("creases", "array", "from Python: (K, 2) vertices whose edges are sharp when they are subdivided"),
+    Field("crease_sharpness", "array", "from Python: (K,) for how many levels; from 10 on always"),
+    Field("sharp_corners", "array", "from Python: (K,) vertices that are sharp"),
+    Field("corner_sharpness", "array", "from Python: (K,) as for creases"),
     Field("normals", "array", "from Python: (N, 3) unit vectors; computed if missing"),
     Field("uvs", "array", "from Python: (N, 2) texture coordinates"),
     Field("attributes", "arrays", 'from Python: {"vertex_...": (N, channels), "face_...": (M, channels)}'),
 )
 
 PLUGINS = (
-    Plugin("shape", "mesh", "", ARRAYS, _from_arrays, CHILDREN["shape"], model="mesh"),
+    Plugin(
+        "shape", "mesh", "", (*ARRAYS, *subdivision.FIELDS), _from_arrays, CHILDREN["shape"], model="mesh"
+    ),
     _file_plugin("obj", "Triangles from a Wavefront OBJ file.", True, *OBJ),
     _file_plugin("ply", "Triangles from a PLY file, ascii or binary.", False, SRGB),
     _file_plugin("serialized", "Triangles from Mitsuba's compressed format.", False, INDEX),

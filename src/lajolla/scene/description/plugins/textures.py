@@ -8,6 +8,7 @@ from lajolla import _core
 from lajolla.colour import decode_srgb
 
 from ...formats.images import FLOAT_RGB, Pixels, read_pixels
+from ...formats.ptx import read_ptx
 from ...schema import Field
 from ...syntax.errors import SceneError
 from ...syntax.files import identity
@@ -109,6 +110,23 @@ def _scale(context: Context, node: Node, values: Values) -> Entry | None:
     return {"type": "scale", **values}
 
 
+def _ptex(context: Context, node: Node, values: Values) -> Entry:
+    values.pop("filename", None)
+    raw = values.pop("raw", False)
+    path, location = context.find(node)
+
+    def read() -> _core.FaceImages:
+        context.reading(path, location)
+        file = read_ptx(path, location, context.pictures)
+        encoded = file.is_integer and not raw
+        texels = file.texels
+        if encoded and texels.dtype != np.uint8:
+            texels = decode_srgb(texels)
+        return _core.FaceImages(file.log_sizes, file.flags, file.neighbours, file.edges, texels, srgb=encoded)
+
+    return {"type": "ptex", "images": context.read(("ptex", identity(path), raw), read), **values}
+
+
 def _vertex_colors(context: Context, node: Node, values: Values) -> Entry:
     return {"type": "mesh_attribute", "name": "vertex_color"}
 
@@ -131,6 +149,18 @@ PLUGINS = (
         ("texture",),
         "scale",
         ("texture", "scale"),
+    ),
+    Plugin(
+        "texture",
+        "ptex",
+        "",
+        (
+            Field("filename", "string", "a .ptx file, with as many faces as the mesh"),
+            Field("raw", "boolean", "integers are not colours: do not decode sRGB", False),
+        ),
+        _ptex,
+        model="ptex",
+        hidden=("images",),
     ),
     Plugin("texture", "vertexcolors", "The colours of a mesh's vertices.", (), _vertex_colors),
     Plugin(
