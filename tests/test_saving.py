@@ -291,3 +291,9 @@ def test_materials_of_shapes(path: Path) -> None:
     assert again["s0.bsdf.reflectance"].tolist() == [0.5] * 3
     for name in ("s1.bsdf.reflectance", "s4.bsdf.child.reflectance", "s2.bsdf.child.eta", "s5.bsdf.int_ior"):
         assert np.allclose(again[name], scene[name]), name
+
+
+@pytest.mark.parametrize("integrator", ["volpath", "direct", "depth"])
+def test_the_integrator_that_was_asked_for(path: Path, integrator: str) -> None:
+    scene = lajolla.load(path, integrator=integrator)
+    assert f'<integrator type="{integrator}"' in saved_text(scene, path.with_name("other.xml"))

@@ -202,7 +202,8 @@ class SceneEdits:
             names = [f.name for f in found.fields.values() if self._differs(f, old, new, kind)]
             if kind == "film":
                 names = _without_whole_window(names, old, new)
-            if kind not in ("film", "sampler") and old["type"] != new["type"]:
+            asked = kind == "integrator" and self.read.options.get("integrator")  # it is not the file's
+            if kind not in ("film", "sampler") and (asked or old["type"] != new["type"]):
                 names = ["type", *names]
             if kind == "sensor" and self._name("media", old) != self._name("media", new):
                 names.append("medium")
