@@ -170,8 +170,11 @@ def _with_moved(data: bytes, splices: list[Splice], span: Span, first: bool, ope
 
 
 def _spliced(data: bytes, start: int, end: int, splices: list[Splice]) -> bytes:
+    """The text with all changes but those inside of others, which replace what was changed."""
     parts, at = [], start
     for first, last, text in sorted(splices, key=lambda splice: splice[:2]):
+        if last <= at and first < at:
+            continue
         if first < at:
             raise ValueError("changes overlap")
         parts += [data[at:first], text]
