@@ -309,3 +309,15 @@ def test_what_was_changed_and_then_replaced(path: Path) -> None:
     assert "checkerboard" not in saved_text(scene, path.with_name("other.xml"))
     scene["s.bsdf"] = "spare"
     assert '"d"' not in saved_text(scene, path.with_name("other.xml"))
+
+
+def test_computed_normals_without_length(path: Path) -> None:
+    """Of a vertex without faces, and of two faces that lie upon each other."""
+    floor = path.parent / "parts" / "floor.ply"
+    text = floor.read_text().replace("vertex 4", "vertex 5").replace("face 2", "face 3")
+    text = text.replace("3 0 2 1\n3 0 3 2\n", "5 5 5\n3 0 2 1\n3 0 1 2\n3 0 3 2\n")
+    floor.write_text(text)
+    scene = lajolla.load(path)
+    scene["floor.positions"] = scene["floor.positions"] * 1.5
+    assert not scene["floor.normals"][4].any()
+    saved_text(scene, path.with_name("other.xml"))

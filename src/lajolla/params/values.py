@@ -85,7 +85,7 @@ def with_arrays(mesh: _core.Mesh, arrays: Mapping[str, Any], before: Values, aft
         made = made.with_faces_of(mesh)
     if renew:
         return _smoothed(made, after)
-    return made if "normals" in arrays or not _is_smoothed(mesh, before) else _smoothed(made, before)
+    return made if "normals" in arrays or not is_smoothed(mesh, before) else _smoothed(made, before)
 
 
 def placed(mesh: _core.Mesh, before: Values, after: Values, *, smooth: bool) -> _core.Mesh:
@@ -102,9 +102,9 @@ def placed(mesh: _core.Mesh, before: Values, after: Values, *, smooth: bool) -> 
     if mesh.normals is None:
         return _smoothed(mesh, after) if smooth else mesh
     same = np.array_equal(frame_of_normals(before), frame_of_normals(after))
-    if same or not mesh.computed_normals or _is_smoothed(mesh, after):
+    if same or not mesh.computed_normals or is_smoothed(mesh, after):
         return mesh
-    if not _is_smoothed(mesh, before):
+    if not is_smoothed(mesh, before):
         reason = "its vertex normals continue in other shapes of its file"
         raise ValueError(f"{reason}; load the scene with this to_world")
     return _smoothed(mesh, after)
@@ -114,7 +114,7 @@ def _smoothed(mesh: _core.Mesh, to_world: Values) -> _core.Mesh:
     return mesh.with_vertex_normals(frame_of_normals(to_world).tolist())
 
 
-def _is_smoothed(mesh: _core.Mesh, to_world: Values) -> bool:
+def is_smoothed(mesh: _core.Mesh, to_world: Values) -> bool:
     """Whether its normals are computed, from its own triangles alone."""
     if not mesh.computed_normals or mesh.normals is None:
         return False

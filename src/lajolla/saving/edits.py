@@ -296,8 +296,7 @@ class SceneEdits:
             self._put_bsdf(element, name, new)
             return
         declared = found.fields[name]
-        value = entry.get(name, declared.default)
-        written = self.values.field(found, declared, value)
+        written = self.values.field(found, declared, entry)
         if declared.type == MATERIAL:
             self._put_bsdf(element, name, *written)
         else:
@@ -347,7 +346,7 @@ class SceneEdits:
             value = entry.get(declared.name, declared.default)
             kept = _refers(declared, value) and declared.name not in changed.names
             if not kept and declared.type not in ("bsdf", MATERIAL) and not is_plain(declared, value):
-                element.added += self.values.field(found, declared, value)
+                element.added += self.values.field(found, declared, entry)
         for name, number in RELATIVE.get(found.model, {}).items():
             element.added.append(ET.Element("float", name=name, value=repr(number)))
         for name in {"bsdf", *MEDIA} & {*changed.names}:

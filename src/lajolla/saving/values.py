@@ -13,7 +13,7 @@ import numpy as np
 from lajolla import _core
 from lajolla.params.objects import KINDS, MATERIAL, Entry, Lists, SceneObject, place_of
 from lajolla.params.textures import is_texture, unclamped
-from lajolla.params.values import mesh_array, mesh_names
+from lajolla.params.values import is_smoothed, mesh_array, mesh_names
 from lajolla.scene.formats.ply import ply_bytes
 from lajolla.scene.formats.voxels import vol_bytes
 from lajolla.scene.schema import Field
@@ -55,17 +55,20 @@ class Values:
         for declared in found.fields.values():
             value = entry.get(declared.name, declared.default)
             if not is_plain(declared, value):
-                element.extend(self.field(found, declared, value))
+                element.extend(self.field(found, declared, entry))
         return element
 
-    def field(self, found: SceneObject, declared: Field, value: Any) -> list[ET.Element]:  # noqa: ANN401
-        """The elements for a field; none for values that are absent."""
+    def field(self, found: SceneObject, declared: Field, entry: Entry) -> list[ET.Element]:
+        """The elements for a field of an entry; none for values that are absent."""
+        value = entry.get(declared.name, declared.default)
         if value is None or (declared.type in ("phase", MATERIAL) and value == -1):
             return []
         if declared.type in NOT_WRITTEN:
             raise NotWritten(f"there is no file format for {declared.type} made in memory")
         if declared.type == "mesh":
-            return [_constant("filename", self.file(".ply", ply_bytes(value)))]
+            # The reader computes the same ones, and replaces those of files that have no length.
+            computed = is_smoothed(value, entry.get("to_world", np.eye(4)))
+            return [_constant("filename", self.file(".ply", ply_bytes(value, normals=not computed)))]
         if declared.type == "image":
             return self._image(found, value)
         if declared.type == "grid":
@@ -100,7 +103,7 @@ class Values:
             if declared.type == MATERIAL:
                 element.append(self.material(material_entry(value)))
             elif declared.type == "bsdf" or not is_plain(declared, value):
-                element.extend(self.field(found, declared, value))
+                element.extend(self.field(found, declared, entry))
         return element
 
     def sides(self, front: Any, back: Any) -> ET.Element:  # noqa: ANN401

@@ -8,14 +8,17 @@ import numpy.typing as npt
 from lajolla import _core
 
 
-def ply_bytes(mesh: _core.Mesh) -> bytes:
+def ply_bytes(mesh: _core.Mesh, *, normals: bool = True) -> bytes:
     """Vertices with normals, texture coordinates and attributes, and triangles, as far as there are any.
 
     Args:
         mesh: a `_core.Mesh`.
+        normals: whether to write its normals.
     """
     vertices = (
-        _columns("x y z", mesh.vertices) | _columns("nx ny nz", mesh.normals) | _columns("u v", mesh.uvs)
+        _columns("x y z", mesh.vertices)
+        | _columns("nx ny nz", mesh.normals if normals else None)
+        | _columns("u v", mesh.uvs)
     )
     faces: dict[str, npt.NDArray[np.generic]] = {}
     for name, values in mesh.attributes.items():
