@@ -321,3 +321,27 @@ def test_computed_normals_without_length(path: Path) -> None:
     scene["floor.positions"] = scene["floor.positions"] * 1.5
     assert not scene["floor.normals"][4].any()
     saved_text(scene, path.with_name("other.xml"))
+
+
+@pytest.mark.parametrize("edited", [False, True])
+def test_another_folder_with_files_of_the_same_names(path: Path, tmp_path: Path, edited: bool) -> None:
+    """Also that of a texture in the included file, which is copied if it is edited."""
+    lajolla.Image(np.ones((2, 2, 3), np.float32)).save(tmp_path / "tiles.png")
+    other = tmp_path / "other"
+    for folder in (other / "parts", other / "lib"):
+        folder.mkdir(parents=True)
+    for name in ("parts/ball.xml", "parts/floor.ply", "tiles.png"):
+        (other / name).write_text("another")
+    (tmp_path / "lib").mkdir()
+    path.write_text(SCENE.replace("    <include", '    <path value="lib"/>\n    <include'))
+    scene = lajolla.load(path)
+    if edited:
+        scene["ball.radius"] = 0.5
+    text = saved_text(scene, other / "scene.xml")
+    assert '"../lib"' in text and (edited or '"../parts/ball.xml"' in text)
+
+
+def test_names_with_a_dollar_sign(path: Path) -> None:
+    scene = lajolla.load(path)
+    scene["ball.radius"] = 0.5
+    assert 'filename="other\\$size-files/' in saved_text(scene, path.with_name("other$size.xml"))

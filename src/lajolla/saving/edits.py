@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from lajolla.params.objects import KINDS as LISTS
 from lajolla.params.objects import MATERIAL, SINGLE, Entry, Lists, SceneObject, names_by_entry, place_of
 from lajolla.params.values import WITH_OBJECTS
 from lajolla.saving.differences import whole_window
+from lajolla.saving.file_names import keep_files, relative_to
 from lajolla.saving.texts import ElementText, SourceText, Span
 from lajolla.saving.values import PLUGINS, NotWritten, Values, equal, is_plain, material_entry, plain_text
 from lajolla.scene import Description, SceneError
@@ -87,7 +87,8 @@ class SceneEdits:
         for included in self.read.includes:  # what is inside of another one comes before it
             if included.source in self.texts:
                 name = self.values.file(".xml", self.texts[included.source].text())
-                self._text(included.place).element(included.place).attributes["filename"] = name
+                element = self._text(included.place).element(included.place)
+                element.attributes["filename"] = plain_text(name)
         main = self._text(self.read.places["scene"])
         parameters = self.read.options.get("parameters", {})
         main.first += [ET.Element("default", name=n, value=plain_text(v)) for n, v in parameters.items()]
@@ -98,13 +99,15 @@ class SceneEdits:
         """The folders of texts that will be in another one, relative to that."""
         for folder in dict.fromkeys(source.directory.resolve() for source in self.texts):
             if folder != self.folder.resolve():
-                try:
-                    yield Path(os.path.relpath(folder, self.folder.resolve())).as_posix()
-                except ValueError:  # another drive
-                    yield folder.as_posix()
+                yield relative_to(folder, self.folder)
 
     def _text(self, place: Location) -> SourceText:
-        return self.texts.setdefault(place.source, SourceText(place.source))
+        source = place.source
+        if source not in self.texts:
+            text = self.texts[source] = SourceText(source)
+            folder = self.folder if source is self.main else self.folder / self.values.folder
+            keep_files(text, folder, [self.main, *(included.source for included in self.read.includes)])
+        return self.texts[source]
 
     # --- what differs -------------------------------------------------------------------------------------
 

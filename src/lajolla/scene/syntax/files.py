@@ -61,7 +61,7 @@ def find_file(name: str, directories: Iterable[Path], location: Location) -> Pat
     if not wanted.strip() or "\0" in wanted:
         raise SceneError("a file name is expected", location)
     for directory, spelling in itertools.product(searched, _spellings(wanted)):
-        found = _in_any_case(directory / spelling)
+        found = in_any_case(directory / spelling)
         if found is not None:
             location.source.named.add(found)
             return found
@@ -78,12 +78,12 @@ def _spellings(name: str) -> list[str]:
         return [name]
 
 
-def _in_any_case(path: Path) -> Path | None:
+def in_any_case(path: Path) -> Path | None:
     """The path itself if it exists, else what differs from it in case only."""
     try:
         if os.path.exists(path):
             return path
-        folder = path.parent if path.parent.is_dir() else _in_any_case(path.parent)
+        folder = path.parent if path.parent.is_dir() else in_any_case(path.parent)
         if path.parent == path or folder is None or not folder.is_dir():
             return None
         wanted = path.name.lower()
