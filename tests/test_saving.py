@@ -345,3 +345,19 @@ def test_names_with_a_dollar_sign(path: Path) -> None:
     scene = lajolla.load(path)
     scene["ball.radius"] = 0.5
     assert 'filename="other\\$size-files/' in saved_text(scene, path.with_name("other$size.xml"))
+
+
+@pytest.mark.parametrize("version", ["0.6.0", "3.0.0"])
+def test_checkerboards_that_are_read_as_numbers(path: Path, version: str) -> None:
+    """Files of today have their colours the other way round."""
+    board = '<texture type="checkerboard" name="alpha" id="board"/>'
+    body = f'<shape type="sphere" id="s"><bsdf type="roughconductor" id="d">{board}</bsdf></shape>'
+    film = '<film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/></film>'
+    sensor = f'<sensor type="perspective">{film}</sensor>'
+    path.write_text(f'<scene version="{version}">{sensor}{body}<emitter type="constant"/></scene>')
+    scene = lajolla.load(path)
+    scene["board.color0"] = 0.25
+    name = "color1" if version == "3.0.0" else "color0"
+    assert f'name="{name}" value="0.25' in saved_text(scene, path.with_name("other.xml"))
+    scene["d.alpha_v"] = {"type": "checkerboard", "color0": 0.1, "color1": 0.3}
+    saved_text(scene, path.with_name("other.xml"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,17 @@ from lajolla.params.values import WITH_OBJECTS
 from lajolla.saving.differences import whole_window
 from lajolla.saving.file_names import keep_files, relative_to
 from lajolla.saving.texts import ElementText, SourceText, Span
-from lajolla.saving.values import PLUGINS, NotWritten, Values, equal, is_plain, material_entry, plain_text
+from lajolla.saving.values import (
+    EXCHANGED,
+    PLUGINS,
+    NotWritten,
+    Values,
+    equal,
+    exchanged,
+    is_plain,
+    material_entry,
+    plain_text,
+)
 from lajolla.scene import Description, SceneError
 from lajolla.scene.schema import Field
 from lajolla.scene.syntax.errors import Location, Source
@@ -70,6 +80,7 @@ class SceneEdits:
         ids = self.now.objects.ids
         self.values = Values(self.lists, self._id_of, f"{self.stem}-files", ids, known)
         self.main = self.read.places["scene"].source
+        self.values.exchanges = self.main.version >= (2, 0, 0)
 
     def written(self) -> bytes:
         """The text of the scene; the files that it needs are in `values.files`.
@@ -246,6 +257,7 @@ class SceneEdits:
             self._write(changed, place)
 
     def _write(self, changed: Changed, place: Location) -> None:
+        changed = self._as_in_file(changed)
         found = changed.found
         if place.key or place.source.data[place.start : place.start + 1] != b"<":
             raise NotWritten("it does not come from a scene file")
@@ -264,6 +276,14 @@ class SceneEdits:
             self._write_whole(element, changed)
         else:
             self._write_fields(element, changed)
+
+    def _as_in_file(self, changed: Changed) -> Changed:
+        """A change with the colours of a checkerboard that is read as a number in the file's order."""
+        before = self.before.objects.get(changed.found.name)
+        if before is None or before.entry not in self.read.objects.exchanged:
+            return changed
+        names = [EXCHANGED.get(name, name) for name in changed.names]
+        return replace(changed, entry=exchanged(changed.entry), names=names)
 
     def _innermost(self, element: ElementText) -> ElementText:
         while inner := [child for child in element.span.children if child.tag == "integrator"]:

@@ -22,6 +22,7 @@ Refer = Callable[[str, str], str | None]  # kind and entry: the id of an object 
 
 # Plugins whose names differ from those of the core's models.
 PLUGINS = {("shape", "mesh"): "ply", ("film", "film"): "hdrfilm", ("bsdf", "coating"): "roughcoating"}
+EXCHANGED = {"color0": "color1", "color1": "color0"}
 NOT_WRITTEN = ("curves", "measurement")  # types of fields
 
 
@@ -39,6 +40,7 @@ class Values:
         ids: of the objects by their entries.
         known_ids: those that the file has.
         files: contents of these files by their names.
+        exchanges: whether the file's version exchanges the colours of checkerboards that are read as numbers.
     """
 
     lists: Lists
@@ -47,6 +49,7 @@ class Values:
     ids: Mapping[str, str] = field(default_factory=dict)
     known_ids: Collection[str] = ()
     files: dict[str, bytes | np.ndarray[Any, Any]] = field(default_factory=dict)
+    exchanges: bool = True
 
     def whole(self, found: SceneObject, entry: Entry, name: str = "") -> ET.Element:
         """An object with all its values."""
@@ -130,6 +133,8 @@ class Values:
         if (identity := self.refer("texture", entry_name)) is not None:
             return ET.Element("ref", {"name": declared.name, "id": plain_text(identity)})
         entry = self.lists.entry(entry_name)
+        if entry["type"] == "checkerboard" and declared.type == "texture_float" and self.exchanges:
+            entry = exchanged(entry)
         return self.whole(SceneObject("", "texture", entry["type"], entry_name), entry, declared.name)
 
     def _image(self, found: SceneObject, image: _core.Image) -> list[ET.Element]:
@@ -148,6 +153,11 @@ class Values:
         name = f"{self.folder}/{hashlib.blake2b(data, digest_size=8).hexdigest()}{ending}"
         self.files[name] = content
         return name
+
+
+def exchanged(board: Entry) -> Entry:
+    """A checkerboard with its colours exchanged."""
+    return {EXCHANGED.get(name, name): value for name, value in board.items()}
 
 
 def material_entry(value: int | Mapping[str, int]) -> str:

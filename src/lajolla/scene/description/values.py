@@ -284,7 +284,9 @@ def _read_as_number(context: Context, node: Node, value: Use) -> Use:
         return value
     first, second = entry.get("color0", 0.4), entry.get("color1", 0.2)
     exchanged = {**entry, "color0": second, "color1": first}
-    return {"texture": context.once(("numbers", node), lambda: context.add("textures", exchanged, node))}
+    index = context.once(("numbers", node), lambda: context.add("textures", exchanged, node))
+    context.objects.exchanged.add(f"textures[{index}]")
+    return {"texture": index}
 
 
 def _array(context: Context, owner: Node, prop: Property, field: Field) -> object:
