@@ -6,6 +6,7 @@ The scene is that of Kevin Beason's smallpt (2010); the code below is our own.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ import lajolla
 Rows = NDArray[np.float64]  # (N, 3)
 DIFFUSE, MIRROR, GLASS = range(3)
 WIDTH, HEIGHT = 48, 36
+SCENE = Path(__file__).resolve().parent.parent / "scenes" / "smallpt.xml"
 
 
 class Sphere(NamedTuple):
@@ -134,7 +136,7 @@ def expected() -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("strategy", ["bsdf", "mis", "light"])
 def test_the_nine_spheres(strategy: str, expected: NDArray[np.float64]) -> None:
-    scene = lajolla.load("scenes/smallpt.xml", size=(WIDTH, HEIGHT), strategy=strategy)
+    scene = lajolla.load(SCENE, size=(WIDTH, HEIGHT), strategy=strategy)
     found = region_means(scene.render(spp=32, seed=seed).array for seed in range(8))
     for name, ours, theirs in zip(("left", "middle", "right"), found, expected, strict=True):
         check_same_mean(f"{name}, {strategy}", ours, theirs)
@@ -142,7 +144,7 @@ def test_the_nine_spheres(strategy: str, expected: NDArray[np.float64]) -> None:
 
 def test_walls_of_huge_spheres_are_where_they_belong() -> None:
     """Hits are exact to a few units in the last place of their own coordinates, not of the centre's."""
-    scene = lajolla.load("scenes/smallpt.xml")
+    scene = lajolla.load(SCENE)
     rng = np.random.default_rng(SEED)
     directions = rng.normal(size=(100_000, 3))
     hits = scene.intersect((50, 40, 90), directions.astype(np.float32))
