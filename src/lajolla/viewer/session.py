@@ -31,7 +31,7 @@ from lajolla.viewer.view import View
 ALWAYS = 1e-9  # a relative error that is never reached; with it, errors are estimated
 INTERVALS = (0.1, 2.0)  # seconds between two pictures of the same view, at least and at most
 
-FILE_NAME = re.compile(r"[^/\\\0.][^/\\\0]*\.xml", re.IGNORECASE)  # in the same folder, and not hidden
+FILE_NAME = re.compile(r"(?!\.)[^/\\\x00-\x1f\x7f]+\.xml", re.IGNORECASE)  # in the same folder, not hidden
 
 Load: TypeAlias = Callable[["str | None"], Scene]
 REFUSALS = (SceneError, OptionError, ParamError, ImageError, _core.DescriptionError)
