@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 from pathlib import Path
 from typing import Any
@@ -361,3 +362,90 @@ def test_checkerboards_that_are_read_as_numbers(path: Path, version: str) -> Non
     assert f'name="{name}" value="0.25' in saved_text(scene, path.with_name("other.xml"))
     scene["d.alpha_v"] = {"type": "checkerboard", "color0": 0.1, "color1": 0.3}
     saved_text(scene, path.with_name("other.xml"))
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+@pytest.mark.parametrize("error", [OSError(28, "full"), KeyboardInterrupt()], ids=["full", "Ctrl-C"])
+def test_failed_writes_leave_nothing(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int, error: BaseException
+) -> None:
+    """At the mesh, at the included file, and at the scene itself."""
+    scene = lajolla.load(path)
+    scene["floor.positions"] = scene["floor.positions"] * 1.5
+    before = sorted(tmp_path.rglob("*"))
+    written: list[Path] = []
+    write_bytes = Path.write_bytes
+
+    def write(self: Path, data: bytes) -> int:
+        if len(written) == count:
+            write_bytes(self, data[:10])
+            raise error
+        written.append(self)
+        return write_bytes(self, data)
+
+    monkeypatch.setattr(Path, "write_bytes", write)
+    with pytest.raises(lajolla.ImageError if isinstance(error, OSError) else KeyboardInterrupt):
+        scene.save(tmp_path / "other.xml")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_aovs_are_warned_about(path: Path) -> None:
+    scene = lajolla.load(path, aovs=["depth"])
+    with pytest.warns(lajolla.messages.LajollaWarning, match="aovs is no part of a scene file"):
+        scene.save(path.with_name("other.xml"))
+
+
+def test_links_to_scenes(path: Path, tmp_path: Path) -> None:
+    """Names of files are relative to the file that the link leads to."""
+    (tmp_path / "real").mkdir()
+    real, link = tmp_path / "real" / "x.xml", tmp_path / "link.xml"
+    link.symlink_to("real/x.xml")
+    scene = lajolla.load(path)
+    scene["ball.radius"] = 0.5
+    text = saved_text(scene, real)
+    real.unlink()
+    scene.save(link)
+    assert link.is_symlink() and real.read_text() == text and not (tmp_path / "link-files").exists()
+
+
+@pytest.mark.parametrize("name", ["ball.xml", "floor.ply", "tiles.png"])
+def test_files_of_the_scene_are_not_replaced(path: Path, name: str) -> None:
+    file = path.parent / "parts" / name
+    before = file.read_bytes()
+    with pytest.raises(lajolla.SceneError, match=f'{name}" is a file of this scene'):
+        lajolla.load(path).save(file)
+    assert file.read_bytes() == before
+
+
+def test_unusual_targets(path: Path, tmp_path: Path) -> None:
+    scene = lajolla.load(path)
+    scene["ball.radius"] = 0.5
+    for name in ("back\\slash.xml", "line\n.xml", "bell\a.xml", "\udcff.xml"):
+        saved_text(scene, tmp_path / name)
+    with pytest.raises(lajolla.ImageError, match="is no name of a file"):
+        scene.save(tmp_path / "a\0b.xml")
+    (tmp_path / "other-files").write_text("a file")
+    with pytest.raises(lajolla.ImageError, match=r"other-files/.*: cannot be written"):
+        scene.save(tmp_path / "other.xml")
+    assert (tmp_path / "other-files").read_text() == "a file" and not (tmp_path / "other.xml").exists()
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(lajolla.SceneError, match="no ordinary file"):
+        scene.save(pipe)
+    assert not (tmp_path / "pipe-files").exists()
+    (tmp_path / "a\\b").mkdir()
+    path.rename(tmp_path / "a\\b" / "scene.xml")
+    (tmp_path / "parts").rename(tmp_path / "a\\b" / "parts")
+    with pytest.raises(lajolla.SceneError, match="no scene file can hold the name"):
+        lajolla.load(tmp_path / "a\\b" / "scene.xml").save(tmp_path / "other.xml")
+
+
+def test_damaged_files_are_written_anew(path: Path) -> None:
+    scene = lajolla.load(path)
+    scene["floor.positions"] = scene["floor.positions"] * 1.5
+    scene["floor.bsdf.reflectance.image"] = np.full((2, 2, 3), 0.5, np.float32)
+    target = path.with_name("other.xml")
+    scene.save(target)
+    for file in path.with_name("other-files").iterdir():
+        file.write_bytes(b"damaged")
+    saved_text(scene, target)

@@ -32,6 +32,8 @@ def check_folder(path: Path) -> None:
             raise ImageError(f"{path}: is a folder")
     except OSError as error:  # the name is too long
         raise ImageError(f"{shortened(path)}: {error.strerror}") from error
+    except ValueError as error:  # it has a character that no name has
+        raise ImageError(f"{shortened(path)!a}: is no name of a file") from error
     if not os.access(target.parent, os.W_OK):
         raise ImageError(f"{path}: the folder {target.parent} is not writable")
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,12 @@ import numpy as np
 from lajolla.image import write_encoded
 from lajolla.messages import LajollaWarning, warn
 from lajolla.params import Params
-from lajolla.saving.differences import comparison
+from lajolla.picture_files import ImageError
+from lajolla.saving.differences import OUTPUTS, comparison
 from lajolla.saving.edits import SceneEdits
+from lajolla.saving.values import equal
 from lajolla.scene import Description, SceneError, load_description
-from lajolla.whole_files import check_folder, replacing
-
-OUTPUTS = ("other_integrators", "channels")  # of integrators that show several things; options may add some
+from lajolla.whole_files import check_folder, is_device, replacing, target_of
 
 
 def save(read: Description, now: Description, params: Params, target: Path) -> None:
@@ -43,8 +44,15 @@ def save(read: Description, now: Description, params: Params, target: Path) -> N
             "only scenes that were loaded from files can be saved, not those of dicts and pickles"
         )
     check_folder(target)
-    edits, text, made = _agreed(read, now, params, target)
+    target = (
+        target if is_device(target) else target_of(target)
+    )  # a link stays, and names are relative to what it means
+    own = Path(place.source.name).resolve()
+    if target in {path.resolve() for path in read.paths} - {own}:
+        raise SceneError(f'"{target}" is a file of this scene, and cannot be replaced by it')
+    made: list[Path] = []
     try:
+        edits, text = _agreed(read, now, params, target, made)
         with replacing(target) as temporary:
             temporary.write_bytes(text)
     except BaseException:
@@ -55,32 +63,29 @@ def save(read: Description, now: Description, params: Params, target: Path) -> N
 
 
 def _agreed(
-    read: Description, now: Description, params: Params, target: Path
-) -> tuple[SceneEdits, bytes, list[Path]]:
-    """The text of the scene, as it is read again, and the files beside it that were written."""
+    read: Description, now: Description, params: Params, target: Path, made: list[Path]
+) -> tuple[SceneEdits, bytes]:
+    """The text of the scene, as it is read again; files beside it that were not there are added to `made`."""
     whole: set[str] = set()
-    made: list[Path] = []
     first: tuple[str, str] | None = None  # what differs before any object is written as a whole, and why
-    try:
-        while True:
-            edits = SceneEdits(read, now, params, target.parent, target.stem, whole)
-            text = edits.written()
-            made += _write_files(target.parent, edits.values.files)
-            wrong, reason = _differing(edits, text, target)
-            if not wrong:
-                unused = [path for path in made if _name(path, target) not in edits.values.files]
-                _remove(unused)
-                return edits, text, made
-            first = first or (wrong[0], reason)
-            new = {changed.found.name for changed in edits.changes()} - whole
-            blamed = {name for name in new if any(path.startswith(f"{name}.") for path in wrong)} or new
-            if not blamed:
-                path, reason = first
-                raise SceneError(f"{path} cannot be saved: {reason}", _place(edits, path))
-            whole |= blamed
-    except BaseException:
-        _remove(made)
-        raise
+    while True:
+        edits = SceneEdits(read, now, params, target.parent, target.stem, whole)
+        text = edits.written()
+        files = {target.parent / name: content for name, content in edits.values.files.items()}
+        if files and is_device(target):
+            raise SceneError(f'"{target}" is no ordinary file, and the scene needs others beside it')
+        _write_files(files, made)
+        wrong, reason = _differing(edits, text, target)
+        if not wrong:
+            _remove([path for path in made if path not in files])
+            return edits, text
+        first = first or (wrong[0], reason)
+        new = {changed.found.name for changed in edits.changes()} - whole
+        blamed = {name for name in new if any(path.startswith(f"{name}.") for path in wrong)} or new
+        if not blamed:
+            path, reason = first
+            raise SceneError(f"{path} cannot be saved: {reason}", _place(edits, path))
+        whole |= blamed
 
 
 def _differing(edits: SceneEdits, text: bytes, target: Path) -> tuple[list[str], str]:
@@ -91,16 +96,12 @@ def _differing(edits: SceneEdits, text: bytes, target: Path) -> tuple[list[str],
     try:
         found = load_description(stream, known_files=edits.read.files, **options)
     except SceneError as problem:
-        return [_path_of(problem, edits)], problem.message
+        paths = [f"{changed.found.name}.{name}" for changed in edits.changes() for name in changed.names]
+        return [paths[0] if len(paths) == 1 else "the scene"], problem.message
     core = {**edits.now.core, **{name: edits.read.core.get(name) for name in OUTPUTS}}
     core["sampler"] = {**core["sampler"], "type": edits.read.core["sampler"]["type"]}
     wrong = list(comparison(core, found.core, edits.params.objects).paths())
     return wrong, "its plugin in the scene file does not take this value, or other objects share it"
-
-
-def _path_of(problem: SceneError, edits: SceneEdits) -> str:
-    changed = next(edits.changes(), None)
-    return f"{changed.found.name}.{changed.names[0]}" if changed else "the scene"
 
 
 def _place(edits: SceneEdits, path: str) -> Any:  # noqa: ANN401
@@ -115,28 +116,31 @@ def _options(edits: SceneEdits) -> list[str]:
     found = ["two_sided"] if edits.read.options.get("two_sided") else []
     if edits.now.core["sampler"]["type"] != edits.read.core["sampler"]["type"]:
         found.append("sampler")
+    if not equal(edits.now.core.get("channels", []), edits.read.core.get("channels", [])):
+        found.append("aovs")
     return found
 
 
-def _name(path: Path, target: Path) -> str:
-    return path.relative_to(target.parent).as_posix()
+def _write_files(files: Mapping[Path, bytes | np.ndarray[Any, Any]], made: list[Path]) -> None:
+    """Writes files whose names follow from what they hold; new ones, and their folder, are added to `made`.
 
-
-def _write_files(folder: Path, files: Mapping[str, bytes | np.ndarray[Any, Any]]) -> list[Path]:
-    """Writes files that are not there yet: their names follow from what they hold."""
-    made = []
-    for name, content in files.items():
-        path = folder / name
-        if path.exists():
-            continue
-        path.parent.mkdir(exist_ok=True)
+    Those that are whole stay; pixels are written again, as files that hold the same ones may differ.
+    """
+    for path, content in files.items():
+        try:
+            if path.exists():
+                if isinstance(content, bytes) and path.read_bytes() == content:
+                    continue
+            else:  # noted before they are there: what fails or is interrupted leaves nothing
+                made += [path] if path.parent.exists() else [path.parent, path]
+                path.parent.mkdir(exist_ok=True)
+        except OSError as error:
+            raise ImageError(f"{path}: cannot be written: {error.strerror}") from error
         with replacing(path) as temporary:
             if isinstance(content, bytes):
                 temporary.write_bytes(content)
             else:
                 _write_pixels(temporary, content)
-        made.append(path)
-    return made
 
 
 def _write_pixels(path: Path, pixels: np.ndarray[Any, Any]) -> None:
@@ -146,10 +150,11 @@ def _write_pixels(path: Path, pixels: np.ndarray[Any, Any]) -> None:
     write_encoded(path, stored, names=names, formats=["half"] * len(names) if half else ())
 
 
-def _remove(files: list[Path]) -> None:
-    """Removes files, and their folder if it is empty then."""
-    for path in files:
-        path.unlink(missing_ok=True)
-    for folder in {path.parent for path in files}:
-        if folder.is_dir() and not any(folder.iterdir()):
-            folder.rmdir()
+def _remove(made: list[Path]) -> None:
+    """Removes files, and before them in the list their folder, unless it has others."""
+    for path in reversed(made):
+        with suppress(OSError):
+            if path.is_dir():
+                path.rmdir()
+            else:
+                path.unlink(missing_ok=True)

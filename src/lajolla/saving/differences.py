@@ -19,7 +19,7 @@ from lajolla.params.objects import (
 from lajolla.params.values import WITH_OBJECTS
 from lajolla.saving.values import differing_arrays, equal, material_entry
 
-OUTPUTS = ("other_integrators", "channels")
+OUTPUTS = ("other_integrators", "channels")  # of integrators that show several things; options may add some
 LISTS = (*KINDS, "materials", "groups")
 MEDIA = ("interior", "exterior", "medium")
 
@@ -47,7 +47,7 @@ class Comparison:
                 yield where
             for index in range(min(counts)):
                 yield from self.entries(f"{where}[{index}]", f"{where}[{index}]", f"{where}[{index}]")
-        for name in ("other_integrators", "channels", "groups"):
+        for name in (*OUTPUTS, "groups"):
             if not equal(self.first.core.get(name), self.second.core.get(name)):
                 yield "integrator" if name in OUTPUTS else name
 

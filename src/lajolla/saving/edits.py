@@ -12,8 +12,8 @@ from lajolla.params import Params
 from lajolla.params.objects import KINDS as LISTS
 from lajolla.params.objects import MATERIAL, SINGLE, Entry, Lists, SceneObject, names_by_entry, place_of
 from lajolla.params.values import WITH_OBJECTS
-from lajolla.saving.differences import whole_window
-from lajolla.saving.file_names import keep_files, relative_to
+from lajolla.saving.differences import MEDIA, whole_window
+from lajolla.saving.file_names import keep_files, plain_name, relative_to
 from lajolla.saving.texts import ElementText, SourceText, Span
 from lajolla.saving.values import (
     EXCHANGED,
@@ -34,7 +34,6 @@ from lajolla.scene.syntax.typed import OLD_KINDS
 from lajolla.scene.versions.upgrade import current_name
 
 OF_VIEW = ("sensor", "film", "rfilter", "sampler")  # what each sensor has of its own
-MEDIA = ("interior", "exterior", "medium")
 FILES = ("filename", "raw", "gamma", "channel")  # properties that say what a file holds
 KIND_IN_FILES = {"adapter": "bsdf", "instance": "shape"}
 KEPT = ("lightgroup",)  # a property that no field of the core's models replaces
@@ -78,9 +77,9 @@ class SceneEdits:
         own = self.read.objects
         known = {*own.ids.values(), *own.spare}
         ids = self.now.objects.ids
-        self.values = Values(self.lists, self._id_of, f"{self.stem}-files", ids, known)
+        self.values = Values(self.lists, self._id_of, f"{plain_name(self.stem)}-files", ids, known)
         self.main = self.read.places["scene"].source
-        self.values.exchanges = self.main.version >= (2, 0, 0)
+        self.values.exchanges = own.exchanges
 
     def written(self) -> bytes:
         """The text of the scene; the files that it needs are in `values.files`.
@@ -93,7 +92,7 @@ class SceneEdits:
                 self._write_all(changed)
             except NotWritten as problem:
                 paths = ", ".join(f"{changed.found.name}.{name}" for name in changed.names)
-                raise SceneError(f"{paths} cannot be saved: {problem}", *changed.places[:1]) from None
+                raise SceneError(f"{paths} cannot be saved: {problem.message}", *changed.places[:1]) from None
         self._put_sensor_first()
         for included in self.read.includes:  # what is inside of another one comes before it
             if included.source in self.texts:

@@ -8,18 +8,30 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from lajolla.saving.texts import SourceText
-from lajolla.saving.values import plain_text
+from lajolla.saving.values import NotWritten, plain_text
 from lajolla.scene.syntax.errors import Location, Source
 from lajolla.scene.syntax.files import in_any_case
 
 
+def plain_name(stem: str) -> str:
+    """A name that scene files can hold, in which a backslash separates folders."""
+    return "".join(c if c.isprintable() and c != "\\" else "_" for c in stem)
+
+
 def relative_to(path: Path, folder: Path) -> str:
-    """The name of a file or a folder in a scene of another folder."""
+    """The name of a file or a folder in a scene of another folder.
+
+    Raises:
+        NotWritten: it has a backslash, which separates folders in scene files.
+    """
     whole = path.parent.resolve() / path.name
     try:
-        return Path(os.path.relpath(whole, folder.resolve())).as_posix()
+        name = Path(os.path.relpath(whole, folder.resolve())).as_posix()
     except ValueError:  # another drive
-        return whole.as_posix()
+        name = whole.as_posix()
+    if "\\" in name:
+        raise NotWritten(f"no scene file can hold the name {name!a}")
+    return name
 
 
 def keep_files(text: SourceText, folder: Path, sources: Collection[Source]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ from lajolla import _core
 from lajolla.params.objects import KINDS, MATERIAL, Entry, Lists, SceneObject, place_of
 from lajolla.params.textures import is_texture, unclamped
 from lajolla.params.values import is_smoothed, mesh_array, mesh_names
+from lajolla.scene import SceneError
 from lajolla.scene.formats.ply import ply_bytes
 from lajolla.scene.formats.voxels import vol_bytes
 from lajolla.scene.schema import Field
@@ -23,10 +25,11 @@ Refer = Callable[[str, str], str | None]  # kind and entry: the id of an object 
 # Plugins whose names differ from those of the core's models.
 PLUGINS = {("shape", "mesh"): "ply", ("film", "film"): "hdrfilm", ("bsdf", "coating"): "roughcoating"}
 EXCHANGED = {"color0": "color1", "color1": "color0"}
+NOT_IN_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # characters
 NOT_WRITTEN = ("curves", "measurement")  # types of fields
 
 
-class NotWritten(Exception):
+class NotWritten(SceneError):
     """A value that scene files cannot hold; the message is the reason."""
 
 
@@ -202,7 +205,13 @@ def _number(value: float) -> str:
 
 
 def plain_text(value: str) -> str:
-    """A text without parameters."""
+    """A text without parameters.
+
+    Raises:
+        NotWritten: it has characters that XML cannot hold.
+    """
+    if NOT_IN_XML.search(value):
+        raise NotWritten(f"no scene file can hold the text {value!a}")
     return value.replace("$", "\\$")
 
 

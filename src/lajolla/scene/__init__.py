@@ -348,6 +348,7 @@ def _describe(tree: Tree, builder: Builder) -> Description:
     with Blame(tree.root.location), np.errstate(all="ignore"):
         core = assemble(builder, tree.root)
     builder.objects.mirrored = tree.root.unsaid.mirrored
+    builder.objects.exchanges = tree.root.unsaid.exchanged
     builder.objects.two_sided = builder.two_sided
     builder.objects.spare = _unused_bsdfs(tree, builder)
     return Description(

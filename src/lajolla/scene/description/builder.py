@@ -423,6 +423,10 @@ class Builder:
             self.objects.note(f"{where}[{index}]", entry, node)
         return index
 
+    def note_exchanged(self, texture: int) -> None:
+        """Notes that the colours of a texture are not in the file's order."""
+        self.objects.exchanged.add(f"textures[{texture}]")
+
     def _count_lookups(self, entry: Entry, node: Node) -> None:
         """Limits lookups: textures that use each other twice double the time at every level."""
         inner = (value["texture"] for value in entry.values() if isinstance(value, dict))

@@ -75,9 +75,12 @@ class Objects:
     firsts: dict[str, str] = field(default_factory=dict)  # the first entry of the same object without an id
     inherited: dict[Node, str] = field(default_factory=dict)
     mirrored: bool = True  # as in `Unsaid`
+    exchanges: bool = True  # `exchanged` of `Unsaid`
     two_sided: bool = False  # opaque materials are the same on the back
     spare: Mapping[str, Node] = field(default_factory=dict)  # bsdfs by their ids that no shape uses
-    exchanged: set[str] = field(default_factory=set)  # checkerboards whose colours are not in the file's order
+    exchanged: set[str] = field(
+        default_factory=set
+    )  # checkerboards whose colours are not in the file's order
     _met: dict[Node, str] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:

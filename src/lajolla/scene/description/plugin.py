@@ -96,6 +96,9 @@ class Context(Protocol):
     def reading(self, path: Path, location: Location) -> None:
         """Counts the settings with which a file is read, because each takes memory; too many are an error."""
 
+    def note_exchanged(self, texture: int) -> None:
+        """Notes that the colours of a texture are not in the file's order."""
+
     def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
         """The result of `make`, which is called once per key."""
 

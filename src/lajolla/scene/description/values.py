@@ -285,7 +285,7 @@ def _read_as_number(context: Context, node: Node, value: Use) -> Use:
     first, second = entry.get("color0", 0.4), entry.get("color1", 0.2)
     exchanged = {**entry, "color0": second, "color1": first}
     index = context.once(("numbers", node), lambda: context.add("textures", exchanged, node))
-    context.objects.exchanged.add(f"textures[{index}]")
+    context.note_exchanged(index)
     return {"texture": index}
 
 
