@@ -305,8 +305,8 @@ class Scene:
         `aovs`, with a warning.
 
         Raises:
-            SceneError: a change cannot be written, and the message has its path; or the scene was loaded
-                from a dict.
+            SceneError: a change cannot be written, and the message has its path; the scene was loaded
+                from a dict; or `path` is a mesh, a texture or an included file of the scene.
             ImageError: the file cannot be written.
 
         Example:

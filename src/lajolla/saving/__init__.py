@@ -35,7 +35,8 @@ def save(read: Description, now: Description, params: Params, target: Path) -> N
         target: the file to write; others are put into a folder beside it.
 
     Raises:
-        SceneError: it was not read from a file, or a change cannot be written; the message has its path.
+        SceneError: it was not read from a file; a change cannot be written, and the message has its path;
+            or the target is another file of the scene, or a device while there are others to be written.
         ImageError: a file cannot be written.
     """
     place = read.places.get("scene")
@@ -44,9 +45,8 @@ def save(read: Description, now: Description, params: Params, target: Path) -> N
             "only scenes that were loaded from files can be saved, not those of dicts and pickles"
         )
     check_folder(target)
-    target = (
-        target if is_device(target) else target_of(target)
-    )  # a link stays, and names are relative to what it means
+    if not is_device(target):
+        target = target_of(target)  # names are relative to the file that a link leads to
     own = Path(place.source.name).resolve()
     if target in {path.resolve() for path in read.paths} - {own}:
         raise SceneError(f'"{target}" is a file of this scene, and cannot be replaced by it')
