@@ -68,7 +68,17 @@ def test_the_edited_scene_is_saved_beside_its_file(client: Client, scene: Path) 
 def test_no_file_is_replaced_and_none_is_written_elsewhere(client: Client, scene: Path) -> None:
     scene.with_name("link.xml").symlink_to(scene.with_name("out.xml"))
     before = sorted(scene.parent.rglob("*")), scene.read_text()
-    for name in ("scene.xml", "link.xml", "../out.xml", "/tmp/out.xml", "out", ".xml", "a\\b.xml", ""):
+    for name in (
+        "scene.xml",
+        "link.xml",
+        "../out.xml",
+        "/tmp/out.xml",
+        "out",
+        ".xml",
+        "a\\b.xml",
+        "",
+        "a\nb.xml",
+    ):
         client.send("save", name=name)
         message = client.wait_for("refused")["message"]
         exists = name in ("scene.xml", "link.xml")
