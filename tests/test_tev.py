@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import socket
 import struct
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -120,6 +122,15 @@ def test_a_render_ends_in_tev_with_all_its_channels(tev: FakeTev, scene: Path, t
         np.testing.assert_array_equal(found[name], channel)
     assert main(["render", *options, "-o", str(plain)]) == 0
     np.testing.assert_array_equal(lajolla.Image.open(plain).array, expected.array)
+
+
+def test_the_command_line_finds_tev_by_itself(tev: FakeTev, scene: Path, tmp_path: Path) -> None:
+    """In a process of its own: this one has imported `lajolla.tev`."""
+    out = tmp_path / "out.exr"
+    words = [str(scene), "--spp", "1", "-o", str(out), "--tev", tev.address, "--quiet"]
+    subprocess.run([sys.executable, "-m", "lajolla", "render", *words], check=True)
+    tev.thread.join(timeout=20)
+    assert list(tev.images) == [str(out)]
 
 
 def test_pictures_come_while_it_renders(tev: FakeTev, scene: Path, tmp_path: Path) -> None:
