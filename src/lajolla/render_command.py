@@ -117,13 +117,13 @@ def command_render(arguments: argparse.Namespace) -> int:
         _warn_of_more_samples(rendering, arguments)
     name = str(outputs[0])
     shown = [] if tev is None else [partial(_show_in_tev, tev, name, rendering)]
+    written: list[str] = []
     if not arguments.view:
-        return _run_and_save(outputs, scene, rendering, arguments, tev, shown)
+        return _run_and_save(outputs, scene, rendering, arguments, tev, shown, written)
     from lajolla.viewer.during_render import page_of_render  # here, as other renders need no server
 
-    names = ", ".join(map(str, outputs))
-    with page_of_render(scene, rendering, arguments, names) as observe:
-        return _run_and_save(outputs, scene, rendering, arguments, tev, [*shown, observe])
+    with page_of_render(scene, rendering, arguments, written) as observe:
+        return _run_and_save(outputs, scene, rendering, arguments, tev, [*shown, observe], written)
 
 
 def _warn_of_more_samples(rendering: lajolla.Rendering, arguments: argparse.Namespace) -> None:
@@ -156,8 +156,12 @@ def _run_and_save(
     arguments: argparse.Namespace,
     tev: Tev | None,
     shown: Sequence[Observer],
+    written: list[str],
 ) -> int:
-    """Renders, and saves what there is at the end, after an interrupt, or after an error."""
+    """Renders, and saves what there is at the end, after an interrupt, or after an error.
+
+    The names of the pictures that were written are added to `written`, also if something else fails.
+    """
     file = arguments.checkpoint
     saver = lajolla.checkpoint.Saver(rendering, file, arguments.every or SAVING_SECONDS) if file else None
     displayed = partial(progress_display, pixels=scene.width * scene.height, quiet=arguments.quiet)
@@ -183,7 +187,8 @@ def _run_and_save(
             if saver is not None:
                 patience.save(saver.write)
             raise patience.interrupt
-        written, failures = patience.save(_save, outputs, scene, rendering, features, arguments, saver, tev)
+        names, failures = patience.save(_save, outputs, scene, rendering, features, arguments, saver, tev)
+    written += names
     if failure is not None:
         failures.append(failure)
     told = f"wrote {', '.join(written)} ({_summary(scene, rendering)})" if written else "nothing was written"
