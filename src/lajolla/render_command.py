@@ -20,7 +20,7 @@ import lajolla  # its modules are loaded when they are first used, which no --he
 from lajolla.arguments import UsageError, parse, replay_command
 from lajolla.command_errors import explained, reported
 from lajolla.display import Observer, print_message, progress_display, rate, say
-from lajolla.interrupts import Interrupt, Patience, handled_by
+from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
 TYPE_CHECKING = False  # as in `lajolla`
 if TYPE_CHECKING:
@@ -192,10 +192,13 @@ def _run_and_save(
     if failure is not None:
         failures.append(failure)
     told = f"wrote {', '.join(written)} ({_summary(scene, rendering)})" if written else "nothing was written"
-    if patience.interrupt is not None and failure is None:
-        say(f"interrupted; {told}")
-    elif written and (failures or not arguments.quiet):
-        say(told)
+    with handled_by(partial(end_at_once, message="; ".join([told, *map(str, failures)]))):
+        if patience.interrupt is not None and failure is None:
+            say(f"interrupted; {told}")
+        elif written and (failures or not arguments.quiet):
+            say(told)
+        if tev is not None:
+            tev.close()
     lajolla.outputs.raise_last(failures)
     return patience.interrupt.exit_code if patience.interrupt is not None else 0
 
@@ -268,8 +271,6 @@ def _save(
         tev.offer(str(outputs[0]), lambda: lajolla.tev.channels_of(picture))
     written, errors = lajolla.outputs.write_pictures(outputs, picture, arguments)
     failures += errors
-    if tev is not None:
-        tev.close()
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         try:
