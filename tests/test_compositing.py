@@ -13,6 +13,7 @@ from scene_tools import look_at, rotation, scaling, translation
 
 import lajolla
 from lajolla import _core, checkpoint
+from lajolla.cli import main
 from lajolla.colour import luminance
 from lajolla.render import StopRules
 from lajolla.scene import convert
@@ -391,6 +392,23 @@ def test_pictures_are_composed_over_a_plate() -> None:
     composed = picture.array + (1 - layers["alpha"][..., None]) * plate
     np.testing.assert_allclose(composed, full.array, atol=1e-5)
     assert np.all(layers["alpha"][coverage == 1] == 1)
+
+
+def test_shadows_that_nothing_holds_are_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Once in the command line, and by Python; not if there is alpha, or no catcher."""
+    told = "the shadows on shadow catchers are lost"
+    scene = lajolla.load_dict(stage(INTEGRATORS["path"], alpha=False, **floor_of("instance", CATCHER)))
+    with pytest.warns(lajolla.ImageWarning, match=told):
+        scene.render(spp=1)
+    assert "A" in scene.render(spp=1, aovs=["alpha"]).channels
+    scene["floor.shadow_catcher"] = False
+    assert "A" not in scene.render(spp=1).channels
+    path = tmp_path / "scene.xml"
+    path.write_text(FILE.format(shown="true").replace("holdout", "shadow_catcher"))
+    words = ["render", str(path), "--size", "8x8", "--spp", "1", "-o", str(tmp_path / "a.exr"), "--quiet"]
+    for options, count in (([], 1), (["--aov", "alpha"], 0)):
+        assert main([*words, *options]) == 0
+        assert capfd.readouterr().err.count(f"lajolla: warning: {told}") == count
 
 
 def test_renders_of_catchers_in_parts(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from lajolla.colour import FloatImage
 from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
 from lajolla.description_changes import description_changes
 from lajolla.image import Image
+from lajolla.layers import has_shadows
 from lajolla.limits import MOST_SAMPLES, OptionError, check, check_flag, check_mapping, whole
 from lajolla.messages import names_checked, suggestion, warn
 from lajolla.objects import ObjectLayers
@@ -395,6 +396,7 @@ class Scene:
                 different ranges of samples can be merged.
         """
         scene = (self if sensor is None else self.with_sensor(sensor)).with_aovs(aovs)
+        scene._warn_of_lost_shadows()
         spp, seed, threads = check("spp", spp), check("seed", seed), check("threads", threads)
         first_sample = check("sample", first_sample)
         check_flag("mixed", mixed)
@@ -437,6 +439,11 @@ class Scene:
             first_sample=first_sample,
             layers=scene._object_layers(seed, first_sample, threads),
         )
+
+    def _warn_of_lost_shadows(self) -> None:
+        if not self.film.has_alpha and has_shadows(self.with_aovs([ALPHA]).core.channels):
+            message = "the shadows on shadow catchers are lost, because the picture has no alpha"
+            warn(ImageWarning(f"{message}; render the aov {ALPHA!r} too"))
 
     def _object_layers(self, seed: int, first_sample: int, threads: int) -> ObjectLayers:
         known, core = self.description.objects, self.description.core

@@ -102,16 +102,17 @@ def command_render(arguments: argparse.Namespace) -> int:
         print(*scene.radiance(x, y, arguments.sample))
         return 0
     outputs = _checked_outputs(scene, arguments)
-    rendering = scene.rendering(
-        spp=arguments.spp,
-        seconds=arguments.time,
-        noise=arguments.noise,
-        adaptive=arguments.adaptive,
-        threads=arguments.threads,
-        first_sample=arguments.first_sample,
-        cluster=arguments.cluster,
-        mixed=arguments.mixed,
-    )
+    with _warnings_printed():
+        rendering = scene.rendering(
+            spp=arguments.spp,
+            seconds=arguments.time,
+            noise=arguments.noise,
+            adaptive=arguments.adaptive,
+            threads=arguments.threads,
+            first_sample=arguments.first_sample,
+            cluster=arguments.cluster,
+            mixed=arguments.mixed,
+        )
     if arguments.resume is not None:
         lajolla.checkpoint.resume(rendering, arguments.resume)
         _warn_of_more_samples(rendering, arguments)
