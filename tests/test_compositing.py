@@ -18,6 +18,7 @@ from lajolla.colour import luminance
 from lajolla.render import StopRules
 from lajolla.scene import convert
 from lajolla.scene.schema import COMPOSITING, core_schema
+from lajolla.viewer.facts import inspected
 from lajolla.viewer.view import View
 
 Scene = dict[str, Any]
@@ -447,6 +448,17 @@ def test_renders_of_catchers_in_parts(tmp_path: Path) -> None:
     scene["floor.shadow_catcher"] = False
     np.testing.assert_array_equal(scene.render().array, before.array)
     assert scene.core.channels == ["A"]
+
+
+@pytest.mark.parametrize("kind", ["rectangle", "member", "instance"])
+@pytest.mark.parametrize("flags", [CATCHER, HOLDOUT])
+def test_viewers_find_holes(kind: str, flags: Scene) -> None:
+    """So that the property can be changed back; not what is invisible."""
+    above = {"ball": {**BALL, "bsdf": GREY, **HIDDEN}}
+    scene = lajolla.load_dict(stage(INTEGRATORS["path"], **UNSEEN, **floor_of(kind, flags), **above))
+    found = inspected(View(scene, 0, StopRules(spp=1), threads=2), SIZE // 2, SIZE // 2)
+    assert found["shape"] == ("floor" if kind == "rectangle" else "shape_1")
+    assert found["model"] == "diffuse" and found["distance"] == pytest.approx(5, rel=1e-4)
 
 
 def test_adaptive_renders_see_shadows() -> None:
