@@ -202,6 +202,21 @@ def test_features_of_holes_are_empty() -> None:
         assert np.all(features[layer][middle, middle] == 0) and np.all(features[layer][0] > 0.5)
 
 
+def test_denoised_holes_are_black() -> None:
+    """Where nothing but a holdout is; its edges, and catchers, are denoised as all else."""
+    pytest.importorskip("pyoidn")
+    scene = stage(INTEGRATORS["path"], ball={**BALL, "bsdf": GREY, **HOLDOUT})
+    for name in ("width", "height"):
+        scene["sensor"]["film"][name] = 32
+    picture = lajolla.load_dict(scene).render(spp=4, denoise=True)
+    held_out, alpha = picture.channels["holdout.C"], picture.channels["A"]
+    hole = alpha == 0
+    assert 0.1 < hole.mean() < 0.5 and np.mean(held_out[hole]) > 0.95 and np.all(alpha[held_out == 0] > 0)
+    assert np.all(picture.array[hole & (held_out == 1)] == 0) and np.all(picture.array[alpha == 1] > 0)
+    plain = lajolla.load_dict(stage(INTEGRATORS["path"], **floor_of("rectangle", CATCHER)))
+    assert "holdout.C" not in plain.features()
+
+
 @pytest.mark.parametrize("flags", [HIDDEN, HOLDOUT])
 def test_lanes_give_the_same_bits(flags: Scene) -> None:
     objects = {"ball": {**BALL, "bsdf": LEAF, **flags}, "lamp": {**LAMP, **flags}, "sky": {**SKY, **HIDDEN}}

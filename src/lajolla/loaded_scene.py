@@ -14,11 +14,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lajolla import _core
+from lajolla import _core, holes
 from lajolla.aovs import ALPHA, VARIANCE, check_aovs, with_aovs
 from lajolla.background import in_thread
 from lajolla.colour import FloatImage
-from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
+from lajolla.denoising import (
+    FEATURE_SAMPLES,
+    HELD_OUT,
+    LAYERS,
+    DenoiseError,
+    check_available,
+    features_output,
+)
 from lajolla.description_changes import description_changes
 from lajolla.image import Image
 from lajolla.layers import has_shadows
@@ -557,7 +564,8 @@ class Scene:
         threads: int | None = None,
         progress: Callable[[Progress], None] | None = None,
     ) -> dict[str, FloatImage]:
-        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.z", by their names.
+        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.z", by their names, and
+        "holdout.C" if there are holdouts.
 
         They show the first surface that is neither a mirror nor glass, with little noise; see
         docs/denoising.md. Raises OptionError if the integrator shows no light.
@@ -573,7 +581,12 @@ class Scene:
         )
         rendering.run(progress)
         image = rendering.image()
-        return {**dict(zip(LAYERS["albedo"], np.moveaxis(image.array, 2, 0), strict=True)), **image.channels}
+        result = {
+            **dict(zip(LAYERS["albedo"], np.moveaxis(image.array, 2, 0), strict=True)),
+            **image.channels,
+        }
+        held_out = holes.held_out(self.core, self.description.core, rendering.threads)
+        return result if held_out is None else {**result, HELD_OUT: held_out.astype(np.float32)}
 
     @names_checked
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:

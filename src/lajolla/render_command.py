@@ -140,7 +140,7 @@ def _checked_outputs(scene: lajolla.Scene, arguments: argparse.Namespace) -> lis
     lajolla.outputs.check_distinct(arguments, outputs)
     for output in outputs:
         output.check()
-        output.check_space(scene, layers=9 if arguments.denoise else 0)
+        output.check_space(scene, layers=10 if arguments.denoise else 0)
         output.check_layers(scene, arguments)
     lajolla.outputs.warn_of_unused(outputs, arguments)
     has_more = scene.core.channels or scene.aovs

@@ -7,18 +7,16 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from lajolla import _core
+from lajolla import _core, holes
 from lajolla.layers import with_shadows
 from lajolla.loaded_scene import Scene
-from lajolla.params.edits import SLOT
-from lajolla.params.objects import Lists, names_by_entry, rows_in
+from lajolla.params.objects import names_by_entry
 from lajolla.scene import plugins_by_kind
 from lajolla.scene.schema import Field
 from lajolla.viewer.view import View, with_film
 
 MOST_OBJECTS = 300  # in a list
 LARGEST_VALUE = 16  # numbers of a value that can be edited
-HOLES = ("holdout", "shadow_catcher")  # the camera sees no object there
 
 Json: TypeAlias = dict[str, Any]
 
@@ -145,28 +143,13 @@ def only_pixel(scene: Scene, x: int, y: int) -> _core.Scene:
     """The scene with a crop window of one pixel, without holes."""
     window = {"crop_offset_x": x, "crop_offset_y": y, "crop_width": 1, "crop_height": 1}
     core = with_film(scene, {**scene.description.core["film"], **window})
-    return without_holes(core, scene.description.core)
-
-
-def without_holes(core: _core.Scene, description: dict[str, Any]) -> _core.Scene:
-    """The scene with ordinary objects as its holdouts and shadow catchers, so that these can be found too."""
-    lists = Lists(description)
-    changes = {}
-    for where in ("shapes", "instances"):
-        for first, stored in zip(lists.firsts(where).tolist(), description.get(where, ()), strict=False):
-            if not any(stored.get(hole) for hole in HOLES):
-                continue
-            for name in (f"{where}[{index}]" for index in range(first, first + rows_in(stored))):
-                entry = lists.entry(name)
-                kept = SLOT if where == "shapes" else entry
-                changes[name] = {key: entry[key] for key in kept if key in entry and key not in HOLES}
-    return (core.with_changes(changes) if changes else None) or core
+    return holes.without(core, scene.description.core)
 
 
 def distance(scene: Scene, x: int, y: int) -> float | None:
     """Of what a pixel shows, along its ray; None if there is nothing."""
     output = {"integrator": {"type": "field", "field": "depth"}, "other_integrators": [], "channels": []}
-    core = without_holes(scene.core.with_output(output), scene.description.core)
+    core = holes.without(scene.core.with_output(output), scene.description.core)
     found = float(_core.sample_radiance(core, core.seed, x, y, 0)[0])
     return found if found > 0 and math.isfinite(found) else None
 
@@ -175,7 +158,7 @@ def depth(scene: Scene, x: int, y: int) -> float | None:
     """Of what a pixel shows, along the axis of the camera: where a lens has its focus."""
     field = {"type": "field", "field": "rel_position"}
     output = {"integrator": field, "other_integrators": [], "channels": []}
-    core = without_holes(scene.core.with_output(output), scene.description.core)
+    core = holes.without(scene.core.with_output(output), scene.description.core)
     found = float(_core.sample_radiance(core, core.seed, x, y, 0)[2])
     return found if found > 0 and math.isfinite(found) else None
 
