@@ -357,6 +357,19 @@ def test_anything_catches_shadows(kind: str) -> None:
     check_shadows("path", kind, leaf={**BALL, "bsdf": LEAF})
 
 
+def test_lamps_that_are_off_cast_shadows() -> None:
+    check_shadows("path", "rectangle", ball={**BALL, "emitter": {"type": "area", "radiance": 0.0}})
+
+
+def test_any_number_of_surfaces_casts_shadows() -> None:
+    corners = [[-1, 0.1], [1, 0.1], [1, 1.5], [-1, 1.5]]  # of upright sheets, edge-on to the camera
+    positions = np.array([[x, y, z] for x in np.linspace(0.4, 0.5, 1100) for y, z in corners])
+    triangles = (4 * np.arange(1100)[:, None, None] + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3)
+    pile = {"type": "mesh", "positions": positions, "triangles": triangles, "bsdf": GREY}
+    check_shadows("path", "rectangle", pile=pile)
+    check_shadows("ao", "rectangle", pile=pile)
+
+
 def test_smoke_casts_shadows() -> None:
     check_shadows("volpath", "rectangle", smoke={**SMOKE, "center": [-1.6, 0, 0.8]})
 

@@ -103,9 +103,13 @@ public:
     }
 
     bool has_catchers() const { return has_catchers_; }
-    // Whether a surface belongs to the place of the photograph that catchers stand for: catchers and lights.
+    // Whether a surface belongs to the place of the photograph that catchers stand for: catchers and lights,
+    // if they are not black.
     bool is_in_photograph(const Hit<float> &hit) const {
-        return hit.emitter >= 0 || camera_role(hit.shape, hit.instance, false) == CameraRole::catcher;
+        if (camera_role(hit.shape, hit.instance, false) == CameraRole::catcher) return true;
+        if (hit.emitter < 0) return false;
+        const auto *light = std::get_if<AreaLight>(&parts_.lights[static_cast<std::size_t>(hit.emitter)]);
+        return light && !(light->radiance.is_constant() && is_black(light->radiance.constant));
     }
 
     // Everything about a hit that the ray tracer found.

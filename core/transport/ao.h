@@ -41,7 +41,7 @@ struct AmbientOcclusion {
         if (seen.role != CameraRole::catcher) return {};
         const auto occluded = [&](const Ray<float> &ray) { return tracer.occluded(ray); };
         const auto by_photograph = [&](Ray<float> ray) {
-            for (int passed = 0; passed <= max_null_transmissions; ++passed) {
+            for (int passed = 0; passed <= max_ignored; ++passed) {
                 const auto found = tracer.closest(ray);
                 if (!found) return false;
                 const Hit<float> hit = scene.hit(ray, *found, {});

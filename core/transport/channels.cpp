@@ -25,7 +25,8 @@ float alpha(const Scene &scene, const Integrator &integrator, const Sampler &sam
                                 model.medium(scene, primary.camera(), sampler));
         if constexpr (requires { model.hide_emitters; })
             return coverage(scene, tracer, primary, model.hide_emitters, Vacuum());
-        else return seen_object(scene, tracer, primary, first_surface) ? 1.0f : 0.0f;
+        if (!scene.has_camera_roles()) return primary.found() ? 1.0f : 0.0f;
+        return seen_object(scene, tracer, primary, first_surface) ? 1.0f : 0.0f;
     });
 }
 

@@ -8,6 +8,8 @@ namespace lajolla {
 
 // The maximum number of surfaces that a path or shadow ray passes straight through, so that all end.
 inline constexpr int max_null_transmissions = 1024;
+// The same for shadow rays that ignore some surfaces.
+inline constexpr int max_ignored = 1 << 16;
 
 // A ray from a point to a sampled light, ending before its surface. `light.target` is beyond the rounding
 // error of the light's coordinates; the ray's end also beyond that of a distant point's coordinates.
@@ -44,13 +46,15 @@ transmittance(const Scene &scene, Tracer &tracer, Ray<float> ray, std::optional<
     const auto attenuate = [&](float t) {
         medium.attenuate(scene, {ray.origin, light.wi, 0, t * length(ray.direction)}, result);
     };
-    for (int passed = 0; found; ++passed) {
-        if (passed == max_null_transmissions) return std::nullopt;
+    for (int passed = 0, met = 0; found; ++met) {
         const Hit<float> hit = scene.hit(ray, *found, {}, scene.needs());
-        const bool passes =
-            ignored(hit) || pass(
-                                scene, hit, light, [&] { attenuate(found->distance); }, medium, result);
-        if (!passes) return std::nullopt;
+        if (met == max_ignored) return std::nullopt;
+        if (!ignored(hit)) {
+            const bool passes = passed++ < max_null_transmissions &&
+                                pass(
+                                    scene, hit, light, [&] { attenuate(found->distance); }, medium, result);
+            if (!passes) return std::nullopt;
+        }
         ray = shadow_ray(leave(hit, light.wi), error, light);
         if (dot(ray.direction, light.wi) <= 0) return result;
         found = tracer.closest(ray);

@@ -238,7 +238,8 @@ void Wavefront::trace(Tracer &tracer) {
     }
 }
 
-// Whether a camera ray has not met an ordinary object, nor all of the environment.
+// Whether a path is a camera ray that has met a hole, a shadow catcher or an invisible shape, or environments
+// of which some are invisible.
 bool Wavefront::needs_care(std::size_t path) const {
     if (as_int(paths_[path].rows[5][0]) != 1) return false;
     if (shapes_[path] < 0) return scene_.lights().hides_environments();
