@@ -13,10 +13,12 @@ from scene_tools import look_at, rotation, scaling, translation
 
 import lajolla
 from lajolla import _core, checkpoint
+from lajolla.cli import main
 from lajolla.colour import luminance
 from lajolla.render import StopRules
 from lajolla.scene import convert
 from lajolla.scene.schema import COMPOSITING, core_schema
+from lajolla.viewer.facts import inspected
 from lajolla.viewer.view import View
 
 Scene = dict[str, Any]
@@ -198,6 +200,21 @@ def test_features_of_holes_are_empty() -> None:
     middle = slice(SIZE // 2 - 1, SIZE // 2 + 1)
     for layer in ("albedo.R", "normal.z"):
         assert np.all(features[layer][middle, middle] == 0) and np.all(features[layer][0] > 0.5)
+
+
+def test_denoised_holes_are_black() -> None:
+    """Where nothing but a holdout is; its edges, and catchers, are denoised as all else."""
+    pytest.importorskip("pyoidn")
+    scene = stage(INTEGRATORS["path"], ball={**BALL, "bsdf": GREY, **HOLDOUT})
+    for name in ("width", "height"):
+        scene["sensor"]["film"][name] = 32
+    picture = lajolla.load_dict(scene).render(spp=4, denoise=True)
+    held_out, alpha = picture.channels["holdout.C"], picture.channels["A"]
+    hole = alpha == 0
+    assert 0.1 < hole.mean() < 0.5 and np.mean(held_out[hole]) > 0.95 and np.all(alpha[held_out == 0] > 0)
+    assert np.all(picture.array[hole & (held_out == 1)] == 0) and np.all(picture.array[alpha == 1] > 0)
+    plain = lajolla.load_dict(stage(INTEGRATORS["path"], **floor_of("rectangle", CATCHER)))
+    assert "holdout.C" not in plain.features()
 
 
 @pytest.mark.parametrize("flags", [HIDDEN, HOLDOUT])
@@ -406,6 +423,23 @@ def test_pictures_are_composed_over_a_plate() -> None:
     assert np.all(layers["alpha"][coverage == 1] == 1)
 
 
+def test_shadows_that_nothing_holds_are_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Once in the command line, and by Python; not if there is alpha, or no catcher."""
+    told = "the shadows on shadow catchers are lost"
+    scene = lajolla.load_dict(stage(INTEGRATORS["path"], alpha=False, **floor_of("instance", CATCHER)))
+    with pytest.warns(lajolla.ImageWarning, match=told):
+        scene.render(spp=1)
+    assert "A" in scene.render(spp=1, aovs=["alpha"]).channels
+    scene["floor.shadow_catcher"] = False
+    assert "A" not in scene.render(spp=1).channels
+    path = tmp_path / "scene.xml"
+    path.write_text(FILE.format(shown="true").replace("holdout", "shadow_catcher"))
+    words = ["render", str(path), "--size", "8x8", "--spp", "1", "-o", str(tmp_path / "a.exr"), "--quiet"]
+    for options, count in (([], 1), (["--aov", "alpha"], 0)):
+        assert main([*words, *options]) == 0
+        assert capfd.readouterr().err.count(f"lajolla: warning: {told}") == count
+
+
 def test_renders_of_catchers_in_parts(tmp_path: Path) -> None:
     """In lanes or one by one, from parts, from a file, in a viewer, and by parameters: the same alpha."""
     objects = {**UNSEEN, "ball": {**BALL, "bsdf": GREY}}
@@ -442,6 +476,17 @@ def test_renders_of_catchers_in_parts(tmp_path: Path) -> None:
     scene["floor.shadow_catcher"] = False
     np.testing.assert_array_equal(scene.render().array, before.array)
     assert scene.core.channels == ["A"]
+
+
+@pytest.mark.parametrize("kind", ["rectangle", "member", "instance"])
+@pytest.mark.parametrize("flags", [CATCHER, HOLDOUT])
+def test_viewers_find_holes(kind: str, flags: Scene) -> None:
+    """So that the property can be changed back; not what is invisible."""
+    above = {"ball": {**BALL, "bsdf": GREY, **HIDDEN}}
+    scene = lajolla.load_dict(stage(INTEGRATORS["path"], **UNSEEN, **floor_of(kind, flags), **above))
+    found = inspected(View(scene, 0, StopRules(spp=1), threads=2), SIZE // 2, SIZE // 2)
+    assert found["shape"] == ("floor" if kind == "rectangle" else "shape_1")
+    assert found["model"] == "diffuse" and found["distance"] == pytest.approx(5, rel=1e-4)
 
 
 def test_adaptive_renders_see_shadows() -> None:

@@ -73,7 +73,7 @@ MAY_IMPORT = {
 }
 # The viewer stands beside the command line, above the rest of the package.
 VIEWER = {
-    *("_core", "aovs", "arguments", "colour", "display", "image", "interrupts", "layers", "limits"),
+    *("_core", "aovs", "arguments", "colour", "display", "holes", "image", "interrupts", "layers", "limits"),
     *("loaded_scene", "messages", "params", "picture_files", "render", "scene", "scene/schema", "tev"),
 }
 PACKAGE = CORE.parent / "src" / "lajolla"

@@ -184,6 +184,17 @@ def test_the_commands_of_jobs_are_printed(capsys: pytest.CaptureFixture[str]) ->
     assert not list(Path().glob("*.pfm"))
 
 
+def test_options_of_jobs_that_begin_with_no(capsys: pytest.CaptureFixture[str]) -> None:
+    job = "scene = 'sky.xml'\noutput = 'a.pfm'\nview = true\nadaptive = false\n"
+    for value, word in (("true", " --no-browser"), ("false", "")):
+        Path("jobs.toml").write_text(f"{job}no-browser = {value}")
+        assert cli.main(["batch", "jobs.toml", "--dry-run"]) == 0
+        line = "lajolla render sky.xml --output=a.pfm --view --no-adaptive" + word
+        assert capsys.readouterr().out.strip() == line
+    Path("jobs.toml").write_text(f"{job}no-adaptive = true")
+    assert cli.main(["batch", "jobs.toml", "--dry-run"]) == 1
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import socket
 import struct
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -122,6 +124,15 @@ def test_a_render_ends_in_tev_with_all_its_channels(tev: FakeTev, scene: Path, t
     np.testing.assert_array_equal(lajolla.Image.open(plain).array, expected.array)
 
 
+def test_the_command_line_finds_tev_by_itself(tev: FakeTev, scene: Path, tmp_path: Path) -> None:
+    """In a process of its own: this one has imported `lajolla.tev`."""
+    out = tmp_path / "out.exr"
+    words = [str(scene), "--spp", "1", "-o", str(out), "--tev", tev.address, "--quiet"]
+    subprocess.run([sys.executable, "-m", "lajolla", "render", *words], check=True)
+    tev.thread.join(timeout=20)
+    assert list(tev.images) == [str(out)]
+
+
 def test_pictures_come_while_it_renders(tev: FakeTev, scene: Path, tmp_path: Path) -> None:
     """Large ones in several packets; those that tev does not take in time are left out."""
     sender = Tev(("127.0.0.1", int(tev.address.split(":")[1])), pytest.fail)
@@ -162,6 +173,62 @@ def test_without_tev_nothing_is_rendered(
     assert not (tmp_path / "out.exr").exists()
     assert main(["render", str(scene), "--tev", "localhost"]) == 1
     assert "'localhost' is not HOST:PORT, such as localhost:14158" in capfd.readouterr().err
+
+
+@pytest.fixture
+def stalled() -> Iterator[socket.socket]:
+    """A tev that takes a connection, and reads nothing."""
+    with socket.socket() as server:
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        server.bind(("127.0.0.1", 0))
+        server.listen()
+        yield server
+
+
+def address_of(server: socket.socket) -> str:
+    return "{}:{}".format(*server.getsockname())
+
+
+def test_closing_has_one_limit_for_all_packets(
+    stalled: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of 128 packets takes about a fifth of a second."""
+    monkeypatch.setattr("lajolla.tev.SECONDS", 1.0)
+    warnings: list[str] = []
+    sender = Tev(stalled.getsockname(), warnings.append)
+    connection, _ = stalled.accept()
+    ended = threading.Event()
+
+    def read_slowly() -> None:
+        while not ended.wait(0.01):
+            connection.recv(1 << 16)
+
+    reader = threading.Thread(target=read_slowly)
+    reader.start()
+    sender.offer("picture", lambda: {"Y": np.zeros((8192, 4096), np.float32)})
+    start = time.monotonic()
+    sender.close()
+    assert time.monotonic() - start < 5
+    ended.set()
+    reader.join()
+    connection.close()
+    reason = "(timed out); the last picture is not complete there"
+    assert warnings == [f"tev at {address_of(stalled)} shows nothing more {reason}"]
+
+
+def test_an_interrupt_after_the_picture_is_written_says_so(
+    scene: Path, stalled: socket.socket, tmp_path: Path
+) -> None:
+    out = tmp_path / "out.exr"
+    words = [str(scene), "--spp", "1", "--size", "1500x1000", "-o", str(out), "--tev", address_of(stalled)]
+    command = [sys.executable, "-m", "lajolla", "render", *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        told = next(line for line in process.stderr if "%" not in line)
+        assert told.startswith(f"lajolla: wrote {out} (") and out.exists()
+        process.terminate()
+        assert process.stderr.read() == told.replace(" wrote", " interrupted; wrote")
+    assert process.returncode == 143
 
 
 def test_a_tev_that_goes_away_does_not_stop_the_render(

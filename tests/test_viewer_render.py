@@ -56,6 +56,16 @@ def test_pages_look_and_change_nothing(scene: Path) -> None:
     np.testing.assert_array_equal(client.picture.pixels, written.astype(np.float16))
 
 
+def test_the_page_names_the_picture_if_something_else_fails(scene: Path) -> None:
+    with render(scene, 1 << 16, "--stats", "/dev/full") as (address, process), Client(address) as client:
+        client.wait_for_picture(0, whole=True)
+        process.terminate()
+        out = scene.with_name("out.exr")
+        assert client.wait_for("ended")["message"] == f"The render has ended; wrote {out}."
+        client.socket.close()
+        assert process.wait(timeout=20) == 1 and out.exists()
+
+
 def test_options_that_do_not_fit(scene: Path, capfd: pytest.CaptureFixture[str]) -> None:
     for options, reason in (
         (["--view", "--pixel", "1,1"], "--view cannot be combined with --pixel"),

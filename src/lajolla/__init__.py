@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from lajolla import scene as scene
     from lajolla import series as series
     from lajolla import survey as survey
+    from lajolla import tev as tev
     from lajolla import whole_files as whole_files
     from lajolla.denoising import DenoiseError
     from lajolla.image import Image
@@ -82,7 +83,7 @@ __all__ = [
 # Modules and names are imported when they are first used: `lajolla --help` does without NumPy and the core.
 _MODULES = tuple(
     "_core catalog checkpoint comparison completion denoising film image outputs picture_formats render "
-    "report scene series survey whole_files".split()
+    "report scene series survey tev whole_files".split()
 )
 _HOMES = {
     "DenoiseError": "denoising",

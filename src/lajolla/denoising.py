@@ -20,6 +20,7 @@ from lajolla.picture_files import ImageError
 FEATURE_SAMPLES = 16  # per pixel; what is left of their noise is filtered
 LAYERS = {"albedo": ("albedo.R", "albedo.G", "albedo.B"), "normal": ("normal.x", "normal.y", "normal.z")}
 NOISY = ("noisy.R", "noisy.G", "noisy.B")  # the picture before denoising
+HELD_OUT = "holdout.C"  # 1 where the centre of a pixel shows a holdout, else 0
 MARGIN = 16  # pixels; with mirrored ones around it, the network errs less at the picture's border
 ALIGNMENT = 16  # the network halves the resolution four times
 LARGEST = float(np.finfo(np.float32).max)
@@ -82,7 +83,8 @@ def denoised(
 
     Args:
         colour: linear RGB.
-        layers: channels by name; albedo, and normals beside it, are used if all of LAYERS are there.
+        layers: channels by name; albedo, and normals beside it, are used if all of LAYERS are there. Where
+            HELD_OUT is not 0, black pixels stay black.
         threads: how many to use, with the same result; default: all.
 
     Raises:
@@ -115,7 +117,10 @@ def _denoised(colour: FloatImage, layers: Mapping[str, FloatImage], threads: int
         scale = _power_of_two_near_mean(radiance)
         result = _filtered(device, {"color": radiance / scale, **clean}, hdr=True, cleanAux=bool(clean))
     with np.errstate(over="ignore"):
-        return np.minimum(result[MARGIN:, MARGIN:][:height, :width] * scale, LARGEST)
+        result = np.minimum(result[MARGIN:, MARGIN:][:height, :width] * scale, LARGEST)
+    if (held_out := layers.get(HELD_OUT.lower())) is not None:
+        result[(held_out != 0) & (colour == 0).all(axis=2)] = 0
+    return result
 
 
 def _prepared(values: FloatImage, low: float, high: float) -> FloatImage:

@@ -176,6 +176,11 @@ def shown(labels: Sequence[str]) -> list[str]:
     return [label for label in labels if not label.endswith(SHADOWS)]
 
 
+def has_shadows(labels: Sequence[str]) -> bool:
+    """Whether a render with these channels is one of shadow catchers, with alpha."""
+    return any(label.endswith(SHADOWS) for label in labels)
+
+
 def with_shadows(values: FloatImage, labels: Sequence[str]) -> tuple[FloatImage, list[str]]:
     """The means of a render with the shadows on catchers in alpha, and the labels of its channels.
 

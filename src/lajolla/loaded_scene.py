@@ -14,13 +14,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lajolla import _core
+from lajolla import _core, holes
 from lajolla.aovs import ALPHA, VARIANCE, check_aovs, with_aovs
 from lajolla.background import in_thread
 from lajolla.colour import FloatImage
-from lajolla.denoising import FEATURE_SAMPLES, LAYERS, DenoiseError, check_available, features_output
+from lajolla.denoising import (
+    FEATURE_SAMPLES,
+    HELD_OUT,
+    LAYERS,
+    DenoiseError,
+    check_available,
+    features_output,
+)
 from lajolla.description_changes import description_changes
 from lajolla.image import Image
+from lajolla.layers import has_shadows
 from lajolla.limits import MOST_SAMPLES, OptionError, check, check_flag, check_mapping, whole
 from lajolla.messages import names_checked, suggestion, warn
 from lajolla.objects import ObjectLayers
@@ -395,6 +403,7 @@ class Scene:
                 different ranges of samples can be merged.
         """
         scene = (self if sensor is None else self.with_sensor(sensor)).with_aovs(aovs)
+        scene._warn_of_lost_shadows()
         spp, seed, threads = check("spp", spp), check("seed", seed), check("threads", threads)
         first_sample = check("sample", first_sample)
         check_flag("mixed", mixed)
@@ -437,6 +446,11 @@ class Scene:
             first_sample=first_sample,
             layers=scene._object_layers(seed, first_sample, threads),
         )
+
+    def _warn_of_lost_shadows(self) -> None:
+        if not self.film.has_alpha and has_shadows(self.with_aovs([ALPHA]).core.channels):
+            message = "the shadows on shadow catchers are lost, because the picture has no alpha"
+            warn(ImageWarning(f"{message}; render the aov {ALPHA!r} too"))
 
     def _object_layers(self, seed: int, first_sample: int, threads: int) -> ObjectLayers:
         known, core = self.description.objects, self.description.core
@@ -550,7 +564,8 @@ class Scene:
         threads: int | None = None,
         progress: Callable[[Progress], None] | None = None,
     ) -> dict[str, FloatImage]:
-        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.z", by their names.
+        """What `Image.denoise` should know of the picture: "albedo.R", ..., "normal.z", by their names, and
+        "holdout.C" if there are holdouts.
 
         They show the first surface that is neither a mirror nor glass, with little noise; see
         docs/denoising.md. Raises OptionError if the integrator shows no light.
@@ -566,7 +581,12 @@ class Scene:
         )
         rendering.run(progress)
         image = rendering.image()
-        return {**dict(zip(LAYERS["albedo"], np.moveaxis(image.array, 2, 0), strict=True)), **image.channels}
+        result = {
+            **dict(zip(LAYERS["albedo"], np.moveaxis(image.array, 2, 0), strict=True)),
+            **image.channels,
+        }
+        held_out = holes.held_out(self.core, self.description.core, rendering.threads)
+        return result if held_out is None else {**result, HELD_OUT: held_out.astype(np.float32)}
 
     @names_checked
     def radiance(self, x: int, y: int, sample: int | None = None, *, seed: int | None = None) -> NDArray[Any]:

@@ -20,7 +20,7 @@ import lajolla  # its modules are loaded when they are first used, which no --he
 from lajolla.arguments import UsageError, parse, replay_command
 from lajolla.command_errors import explained, reported
 from lajolla.display import Observer, print_message, progress_display, rate, say
-from lajolla.interrupts import Interrupt, Patience, handled_by
+from lajolla.interrupts import Interrupt, Patience, end_at_once, handled_by
 
 TYPE_CHECKING = False  # as in `lajolla`
 if TYPE_CHECKING:
@@ -102,28 +102,29 @@ def command_render(arguments: argparse.Namespace) -> int:
         print(*scene.radiance(x, y, arguments.sample))
         return 0
     outputs = _checked_outputs(scene, arguments)
-    rendering = scene.rendering(
-        spp=arguments.spp,
-        seconds=arguments.time,
-        noise=arguments.noise,
-        adaptive=arguments.adaptive,
-        threads=arguments.threads,
-        first_sample=arguments.first_sample,
-        cluster=arguments.cluster,
-        mixed=arguments.mixed,
-    )
+    with _warnings_printed():
+        rendering = scene.rendering(
+            spp=arguments.spp,
+            seconds=arguments.time,
+            noise=arguments.noise,
+            adaptive=arguments.adaptive,
+            threads=arguments.threads,
+            first_sample=arguments.first_sample,
+            cluster=arguments.cluster,
+            mixed=arguments.mixed,
+        )
     if arguments.resume is not None:
         lajolla.checkpoint.resume(rendering, arguments.resume)
         _warn_of_more_samples(rendering, arguments)
     name = str(outputs[0])
     shown = [] if tev is None else [partial(_show_in_tev, tev, name, rendering)]
+    written: list[str] = []
     if not arguments.view:
-        return _run_and_save(outputs, scene, rendering, arguments, tev, shown)
+        return _run_and_save(outputs, scene, rendering, arguments, tev, shown, written)
     from lajolla.viewer.during_render import page_of_render  # here, as other renders need no server
 
-    names = ", ".join(map(str, outputs))
-    with page_of_render(scene, rendering, arguments, names) as observe:
-        return _run_and_save(outputs, scene, rendering, arguments, tev, [*shown, observe])
+    with page_of_render(scene, rendering, arguments, written) as observe:
+        return _run_and_save(outputs, scene, rendering, arguments, tev, [*shown, observe], written)
 
 
 def _warn_of_more_samples(rendering: lajolla.Rendering, arguments: argparse.Namespace) -> None:
@@ -139,7 +140,7 @@ def _checked_outputs(scene: lajolla.Scene, arguments: argparse.Namespace) -> lis
     lajolla.outputs.check_distinct(arguments, outputs)
     for output in outputs:
         output.check()
-        output.check_space(scene, layers=9 if arguments.denoise else 0)
+        output.check_space(scene, layers=10 if arguments.denoise else 0)
         output.check_layers(scene, arguments)
     lajolla.outputs.warn_of_unused(outputs, arguments)
     has_more = scene.core.channels or scene.aovs
@@ -156,8 +157,12 @@ def _run_and_save(
     arguments: argparse.Namespace,
     tev: Tev | None,
     shown: Sequence[Observer],
+    written: list[str],
 ) -> int:
-    """Renders, and saves what there is at the end, after an interrupt, or after an error."""
+    """Renders, and saves what there is at the end, after an interrupt, or after an error.
+
+    The names of the pictures that were written are added to `written`, also if something else fails.
+    """
     file = arguments.checkpoint
     saver = lajolla.checkpoint.Saver(rendering, file, arguments.every or SAVING_SECONDS) if file else None
     displayed = partial(progress_display, pixels=scene.width * scene.height, quiet=arguments.quiet)
@@ -183,14 +188,18 @@ def _run_and_save(
             if saver is not None:
                 patience.save(saver.write)
             raise patience.interrupt
-        written, failures = patience.save(_save, outputs, scene, rendering, features, arguments, saver, tev)
+        names, failures = patience.save(_save, outputs, scene, rendering, features, arguments, saver, tev)
+    written += names
     if failure is not None:
         failures.append(failure)
     told = f"wrote {', '.join(written)} ({_summary(scene, rendering)})" if written else "nothing was written"
-    if patience.interrupt is not None and failure is None:
-        say(f"interrupted; {told}")
-    elif written and (failures or not arguments.quiet):
-        say(told)
+    with handled_by(partial(end_at_once, message="; ".join([told, *map(str, failures)]))):
+        if patience.interrupt is not None and failure is None:
+            say(f"interrupted; {told}")
+        elif written and (failures or not arguments.quiet):
+            say(told)
+        if tev is not None:
+            tev.close()
     lajolla.outputs.raise_last(failures)
     return patience.interrupt.exit_code if patience.interrupt is not None else 0
 
@@ -263,8 +272,6 @@ def _save(
         tev.offer(str(outputs[0]), lambda: lajolla.tev.channels_of(picture))
     written, errors = lajolla.outputs.write_pictures(outputs, picture, arguments)
     failures += errors
-    if tev is not None:
-        tev.close()
     _report_nonfinite(rendering, arguments)
     if arguments.stats is not None:
         try:

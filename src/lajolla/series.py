@@ -278,7 +278,8 @@ def _words(
 def _action(parser: Parser, name: str) -> argparse.Action:
     """The option of a name; raises UsageError."""
     actions = {option: action for action in parser._actions for option in action.option_strings}
-    names = [option[2:] for option in actions if option.startswith("--") and not option.startswith("--no-")]
+    negations = {f"--no-{option[2:]}" for option in actions}  # false says the same
+    names = [option[2:] for option in actions if option.startswith("--") and option not in negations]
     names = [known for known in names if known not in ("help", *NOT_IN_JOBS)]
     if name not in names:
         raise UsageError(f'there is no option "{name}"{suggestion(name, [*names, *OWN_KEYS])}')

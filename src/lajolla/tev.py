@@ -7,6 +7,7 @@ are little-endian.
 
 from __future__ import annotations
 
+import math
 import socket
 import struct
 import threading
@@ -22,7 +23,7 @@ from lajolla.image import Image
 PORT = 14158  # where tev listens unless it is told otherwise
 CREATE, UPDATE = 4, 6  # types of packets
 BAND_BYTES = 1 << 20  # of pixels in a packet, about
-SECONDS = 10.0  # after which tev counts as gone
+SECONDS = 10.0  # that a packet may take, and all of them at the end, before tev counts as gone
 INTERVAL = 0.25  # seconds between two pictures, at least
 
 Channels: TypeAlias = Mapping[str, FloatImage]  # (height, width) each, all of the same size
@@ -64,7 +65,7 @@ class Tev:
         self._made: dict[str, object] = {}  # the size and the channels of each image that is there
         self._changed = threading.Condition()
         self._waiting: tuple[str, Callable[[], Channels]] | None = None
-        self._closed = False
+        self._end = math.inf  # by the clock, when all has to be sent; finite after `close`
         self._thread = threading.Thread(target=self._run, name="tev", daemon=True)
         self._thread.start()
 
@@ -80,19 +81,22 @@ class Tev:
             self._changed.notify()
 
     def close(self) -> None:
-        """Waits until the last picture is sent, and ends the connection."""
+        """Waits until the last picture is sent, up to SECONDS, and ends the connection."""
         with self._changed:
-            self._closed = True
+            self._end = time.monotonic() + SECONDS
             self._changed.notify()
         self._thread.join()
         self._socket.close()
+
+    def _is_closed(self) -> bool:
+        return self._end < math.inf
 
     def _run(self) -> None:
         pause = 0.0
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._closed, timeout=pause)
-                self._changed.wait_for(lambda: self._closed or self._waiting)
+                self._changed.wait_for(self._is_closed, timeout=pause)
+                self._changed.wait_for(lambda: self._is_closed() or self._waiting)
                 waiting, self._waiting = self._waiting, None
             if waiting is None:
                 return
@@ -101,7 +105,8 @@ class Tev:
                 self._send(waiting[0], waiting[1]())
             except OSError as problem:
                 reason = problem.strerror or str(problem)
-                self._warn(f"tev at {self.name} shows nothing more ({reason}); the render goes on")
+                rest = "the last picture is not complete there" if self._is_closed() else "the render goes on"
+                self._warn(f"tev at {self.name} shows nothing more ({reason}); {rest}")
                 return
             pause = max(INTERVAL, 3 * (time.perf_counter() - start))
 
@@ -109,10 +114,16 @@ class Tev:
         height, width = next(iter(channels.values())).shape
         made = (width, height, list(channels))
         if self._made.get(name) != made:
-            self._socket.sendall(create_packet(name, *made))
+            self._send_packet(create_packet(name, *made))
             self._made[name] = made
         for packet in update_packets(name, channels):
-            self._socket.sendall(packet)
+            self._send_packet(packet)
+
+    def _send_packet(self, packet: bytes) -> None:
+        """Raises OSError, also if it takes too long."""
+        left = self._end - time.monotonic()
+        self._socket.settimeout(min(SECONDS, max(left, 0.001)))
+        self._socket.sendall(packet)
 
 
 def create_packet(name: str, width: int, height: int, channels: Sequence[str]) -> bytes:

@@ -7,7 +7,7 @@ import asyncio
 import threading
 import time
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
 
@@ -84,12 +84,12 @@ class Watched(Shown):
 
 @contextmanager
 def page_of_render(
-    scene: Scene, rendering: Rendering, arguments: argparse.Namespace, written: str
+    scene: Scene, rendering: Rendering, arguments: argparse.Namespace, written: Sequence[str]
 ) -> Iterator[Callable[[Progress], None]]:
     """Serves a page within the block; yields what is to be called with the progress of the render.
 
     Args:
-        written: the names of the pictures, for the last message.
+        written: at the end of the block, the names of the pictures that were written.
 
     Raises:
         OSError: the port cannot be used.
@@ -103,12 +103,11 @@ def page_of_render(
     pages.session.open()
     if not arguments.no_browser:
         webbrowser.open(address.result())
-    message = "The render has ended without a picture."
     try:
         yield pages.session.observe
-        message = f"The render has ended; wrote {written}."
     finally:
-        pages.session.end(message)
+        names = ", ".join(written)
+        pages.session.end(f"The render has ended{f'; wrote {names}' if names else ' without a picture'}.")
         ended.set()
         thread.join()
 

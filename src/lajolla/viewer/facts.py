@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from lajolla import _core
+from lajolla import _core, holes
 from lajolla.layers import with_shadows
 from lajolla.loaded_scene import Scene
 from lajolla.params.objects import names_by_entry
@@ -140,15 +140,16 @@ def _seen(scene: Scene, x: int, y: int) -> Json:
 
 
 def only_pixel(scene: Scene, x: int, y: int) -> _core.Scene:
-    """The scene with a crop window of one pixel."""
+    """The scene with a crop window of one pixel, without holes."""
     window = {"crop_offset_x": x, "crop_offset_y": y, "crop_width": 1, "crop_height": 1}
-    return with_film(scene, {**scene.description.core["film"], **window})
+    core = with_film(scene, {**scene.description.core["film"], **window})
+    return holes.without(core, scene.description.core)
 
 
 def distance(scene: Scene, x: int, y: int) -> float | None:
     """Of what a pixel shows, along its ray; None if there is nothing."""
     output = {"integrator": {"type": "field", "field": "depth"}, "other_integrators": [], "channels": []}
-    core = scene.core.with_output(output)
+    core = holes.without(scene.core.with_output(output), scene.description.core)
     found = float(_core.sample_radiance(core, core.seed, x, y, 0)[0])
     return found if found > 0 and math.isfinite(found) else None
 
@@ -156,7 +157,8 @@ def distance(scene: Scene, x: int, y: int) -> float | None:
 def depth(scene: Scene, x: int, y: int) -> float | None:
     """Of what a pixel shows, along the axis of the camera: where a lens has its focus."""
     field = {"type": "field", "field": "rel_position"}
-    core = scene.core.with_output({"integrator": field, "other_integrators": [], "channels": []})
+    output = {"integrator": field, "other_integrators": [], "channels": []}
+    core = holes.without(scene.core.with_output(output), scene.description.core)
     found = float(_core.sample_radiance(core, core.seed, x, y, 0)[2])
     return found if found > 0 and math.isfinite(found) else None
 
