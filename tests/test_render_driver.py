@@ -265,7 +265,7 @@ def test_impossible_numbers(scene: lajolla.Scene, options: dict[str, int]) -> No
         scene.render(**options)
 
 
-@pytest.mark.parametrize("options", [{"spp": 2.5}, {"seed": "1"}, {"threads": 1.0}])
+@pytest.mark.parametrize("options", [{"spp": 2.5}, {"seed": "1"}, {"threads": 1.5}])
 def test_numbers_that_are_not_whole(scene: lajolla.Scene, options: dict[str, Any]) -> None:
     with pytest.raises(lajolla.OptionError, match="must be a whole number, not "):
         scene.render(**options)

@@ -41,6 +41,7 @@ def assemble(builder: Builder, scene: Node) -> Entry:
     builder.camera = partial(_given_view, builder, scene)
     for _, node in scene.children("shape"):
         _add_shape(builder, node)
+    builder.camera = lambda: None  # only shapes ask for it; the cycle would stay until garbage is collected
     _warn_of_unused_area_lights(builder, scene)
     for _, node in scene.children("emitter"):
         if node.plugin.lower() != "area":  # declared here for shapes that refer to it

@@ -368,7 +368,11 @@ def _sampler(translation: Translation, read: Node, node: Node) -> Node | None:
 
 
 def _path(translation: Translation, read: Node, node: Node) -> Node | None:
-    mine = {"strategy": ("mis",), "version": (5, 6)}  # names that only we have, and what Mitsuba does
+    mine = {
+        "strategy": ("mis",),
+        "heuristic": ("power",),
+        "version": (5, 6),
+    }  # names that only we have, and what Mitsuba does
     lost = [name for name, values in mine.items() if (p := node.find(name)) and p.value not in values]
     translation.lose(*lost)
     node = _renamed(node, node.plugin, *mine)
