@@ -90,7 +90,9 @@ class Edits:
             new = self._current(found, field, given)
             if new is None:
                 new = self._editor.value(found.kind, found.model, field, given, path)
-            self._refers |= field.type in WITH_OBJECTS
+            if field.type in WITH_OBJECTS:  # a colour in place of a colour refers to nothing
+                old = self._value(found, field)
+                self._refers |= isinstance(old, Mapping) or isinstance(new, Mapping)
         if found.kind == "texture":
             self._check_contents(found, new, path)
         self._put(found, field.name, new)
@@ -98,12 +100,16 @@ class Edits:
         if f"has_{field.name}" in found.fields:  # as the reader notes it
             self._put(found, f"has_{field.name}", True)
 
-    def _current(self, found: SceneObject, field: Field, given: object) -> Any:  # noqa: ANN401
-        """The value that a field has, if that refers to the given texture; else None."""
+    def _value(self, found: SceneObject, field: Field) -> Any:  # noqa: ANN401
+        """The value that a field has so far, None if it has its default."""
         entry: Any = self._entries.get(found.entry) or self._lists.entry(found.entry)
         for inner in found.inner:
             entry = entry[inner]
-        use, textures = entry.get(field.name), self._editor.textures
+        return entry.get(field.name)
+
+    def _current(self, found: SceneObject, field: Field, given: object) -> Any:  # noqa: ANN401
+        """The value that a field has, if that refers to the given texture; else None."""
+        use, textures = self._value(found, field), self._editor.textures
         same = is_texture(given) and is_texture(use) and unclamped(textures, use) == given
         return use if same else None
 
