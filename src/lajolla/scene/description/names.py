@@ -27,7 +27,9 @@ class Numbered:
 
     def of(self, indices: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
         """The numbers of entries by their indices; 0 for -1."""
-        return np.concatenate([[0], self.numbers]).astype(np.int32)[indices + 1]
+        if self.numbers.max(initial=0) == len(self.numbers):  # each entry has a number of its own
+            return indices + np.int32(1)
+        return np.append(self.numbers, np.int32(0))[indices]
 
 
 def numbered(objects: Objects, core: Mapping[str, Any], where: str) -> Numbered:
