@@ -371,6 +371,8 @@ def test_equal_bsdfs_of_several_shapes_are_changed_one_by_one(tmp_path: Path) ->
         ("d", "d.bsdf.child.reflectance", "c.bsdf.child.reflectance"),
         ("d", "d.bsdf.opacity", "c.bsdf.opacity"),
     ):
+        changes = scene.params.edits({path: 0.8}).changes()
+        assert not any(name.startswith("shapes") and "type" in entry for name, entry in changes.items())
         changed = scene.with_params({path: 0.8})
         assert np.allclose(changed[path], 0.8), path
         assert np.allclose(changed[other], scene[other]), path

@@ -20,7 +20,6 @@ import numpy as np
 from lajolla.colour import FloatImage
 from lajolla.image import Image
 
-PORT = 14158  # where tev listens unless it is told otherwise
 CREATE, UPDATE = 4, 6  # types of packets
 BAND_BYTES = 1 << 20  # of pixels in a packet, about
 SECONDS = 10.0  # that a packet may take, and all of them at the end, before tev counts as gone

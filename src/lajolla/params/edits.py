@@ -10,7 +10,7 @@ import numpy as np
 
 from lajolla import _core
 from lajolla.params.materials import Material, Materials, reference
-from lajolla.params.objects import KINDS, MATERIAL, Entry, Lists, SceneObject, place_of, rows_in
+from lajolla.params.objects import MATERIAL, Entry, Lists, SceneObject, place_of, rows_in
 from lajolla.params.textures import (
     USERS,
     arranged,
@@ -30,7 +30,6 @@ from lajolla.scene.syntax.transforms import turns_over
 
 # Entries are changed before those that refer to them.
 ORDER = ("textures", "bsdfs", "adapters", "materials", "volumes", "phases", "media")
-LISTS_OF = {kind: where for where, kind in KINDS.items()}
 # What a shape refers to, and how the camera sees it.
 SLOT = ("material", "interior", "exterior", *COMPOSITING)
 
@@ -157,6 +156,8 @@ class Edits:
         """The object with an entry of its own, if the reader stored equal objects once."""
         if found.owner:
             self._refers = True
+            if found.owner.startswith("shapes"):  # which gets another material, and is the same shape
+                self._touched.setdefault(found.owner, set()).add("material")
         return self._materials.own(found)
 
     def set_bsdf(self, found: SceneObject, value: object, path: str) -> None:
