@@ -6,8 +6,8 @@ namespace lajolla {
 
 namespace {
 
-// What exceeds the mean radiance (Karlik et al. 2019, equation 14), but at least a quarter of the radiance: light
-// that no BSDF sample looks for, as of shadow catchers, must be found too.
+// What exceeds the mean radiance (Karlik et al. 2019, equation 14), but at least a quarter of the radiance:
+// light that no BSDF sample looks for, as of shadow catchers, must be found too.
 std::vector<float> excess(const std::vector<float> &weights, const std::vector<float> &solid_angles,
                           double mean) {
     std::vector<float> result(weights.size());
