@@ -52,6 +52,7 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
             footprint=arguments.footprint,
             sensor=arguments.sensor,
             hide_emitters=arguments.hide_emitters,
+            robust=arguments.robust,
             aovs=arguments.aovs,
         )
     if arguments.sensor is None and len(scene.sensors) > 1:

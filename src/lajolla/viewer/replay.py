@@ -22,6 +22,7 @@ OPTIONS = (
     "footprint",
     "sensor",
     "hide_emitters",
+    "robust",
     "spp",
 )
 
