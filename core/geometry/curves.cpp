@@ -137,8 +137,7 @@ void Curves::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, 
                                         : 0;
     const float around_tube = s.radius > 0 ? 1 / s.radius : 0;
     const Vec3f a = unit(hit.dp_du, Vec3f(0));
-    hit.dn_du = hit.dp_du * around_tube;
-    hit.dn_dv = hit.dp_dv * along + a * (dot(a, hit.dp_dv) * (around_tube - along));
+    hit.dn = {hit.dp_du * around_tube, hit.dp_dv * along + a * (dot(a, hit.dp_dv) * (around_tube - along))};
 }
 
 } // namespace lajolla

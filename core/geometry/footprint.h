@@ -65,10 +65,11 @@ struct Footprint {
     RayCone<Float> cone;
     std::optional<RayDifferentials<Float>> differentials;
 
-    Footprint at(const Vec3<Float> &direction, Float distance, const Vec3<Float> &normal) const {
-        Footprint result{cone.at(distance), std::nullopt};
-        if (differentials) result.differentials = differentials->at(direction, distance, normal);
-        return result;
+    // Moves that of a ray to its hit.
+    void move(const Footprint &from, const Vec3<Float> &direction, Float distance,
+              const Vec3<Float> &normal) {
+        cone = from.cone.at(distance);
+        if (from.differentials) differentials = from.differentials->at(direction, distance, normal);
     }
 };
 

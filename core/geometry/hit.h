@@ -46,6 +46,12 @@ inline void set_lane(RayHits &hits, int k, const RayHit &found) {
     hits.instance.v[k] = static_cast<std::int32_t>(found.instance);
 }
 
+// The derivatives of a shading normal by u and v.
+template <class Float>
+struct NormalChange {
+    Vec3<Float> du, dv;
+};
+
 // A vertex of a path on a surface.
 template <class Float>
 struct Hit {
@@ -53,11 +59,11 @@ struct Hit {
     Vec3<Float> normal; // geometric, on the front side of the shape's orientation
     Vec3<Float> shading_normal;
     Vec3<Float> dp_du, dp_dv;
-    Vec3<Float> dn_du, dn_dv; // of the shading normal
     Vec2<Float> barycentric, uv;
     Float distance;       // along the ray that found it
     Float position_error; // maximum distance of the true surface from `position`
     Footprint<Float> footprint;
+    std::optional<NormalChange<Float>> dn; // none on flat surfaces, or where it is not needed
     IntOf<Float> shape, primitive;
     IntOf<Float> instance;           // -1 for none
     IntOf<Float> material, emitter;  // -1 for none
@@ -67,12 +73,14 @@ struct Hit {
     DualBasis<Float> to_uv() const { return {dp_du, dp_dv}; }
     // From shading normals; positive if convex towards the normal's side.
     Float mean_curvature() const {
+        if (!dn) return 0;
         const DualBasis<Float> uv = to_uv();
-        return (dot(dn_du, uv.u) + dot(dn_dv, uv.v)) * 0.5f;
+        return (dot(dn->du, uv.u) + dot(dn->dv, uv.v)) * 0.5f;
     }
     Float gaussian_curvature() const {
+        if (!dn) return 0;
         const DualBasis<Float> uv = to_uv();
-        return dot(dn_du, uv.u) * dot(dn_dv, uv.v) - dot(dn_du, uv.v) * dot(dn_dv, uv.u);
+        return dot(dn->du, uv.u) * dot(dn->dv, uv.v) - dot(dn->du, uv.v) * dot(dn->dv, uv.u);
     }
     // The radius of the footprint: of the cone, or half of the longer of two differentials.
     Float radius() const {
@@ -134,8 +142,11 @@ RayDifferentials<Float> scattered(const Hit<Float> &hit, const RayDifferentials<
     const auto straight = eta == 1.0f && dot(direction, hit.normal) * dot(wi, hit.normal) > 0.0f;
     const DualBasis<Float> uv = hit.to_uv();
     const auto turned = [&](const Vec3<Float> &step, const Vec3<Float> &change) {
-        const Vec2<Float> by = uv(step);
-        const Vec3<Float> n_change = hit.dn_du * by.x + hit.dn_dv * by.y;
+        Vec3<Float> n_change;
+        if (hit.dn) {
+            const Vec2<Float> by = uv(step);
+            n_change = hit.dn->du * by.x + hit.dn->dv * by.y;
+        }
         const Float cosine_change = dot(change, n) + dot(direction, n_change);
         const Vec3<Float> bent = change * slower - (n_change * bend + n * (bend_change * cosine_change));
         return select(straight, change, bent);
@@ -209,13 +220,13 @@ inline Hit<float> lane_of(const Hit<WideFloat> &hits, int k) {
             lane_of(hits.shading_normal, k),
             lane_of(hits.dp_du, k),
             lane_of(hits.dp_dv, k),
-            lane_of(hits.dn_du, k),
-            lane_of(hits.dn_dv, k),
             {hits.barycentric.x[k], hits.barycentric.y[k]},
             {hits.uv.x[k], hits.uv.y[k]},
             hits.distance[k],
             hits.position_error[k],
             lane_of(hits.footprint, k),
+            hits.dn ? std::optional(NormalChange<float>{lane_of(hits.dn->du, k), lane_of(hits.dn->dv, k)})
+                    : std::nullopt,
             hits.shape[k],
             hits.primitive[k],
             hits.instance[k],
@@ -237,8 +248,11 @@ inline void set_lane(Hit<WideFloat> &hits, int k, const Hit<float> &hit) {
     set_lane(hits.shading_normal, k, hit.shading_normal);
     set_lane(hits.dp_du, k, hit.dp_du);
     set_lane(hits.dp_dv, k, hit.dp_dv);
-    set_lane(hits.dn_du, k, hit.dn_du);
-    set_lane(hits.dn_dv, k, hit.dn_dv);
+    if (hits.dn) {
+        const NormalChange<float> flat{};
+        set_lane(hits.dn->du, k, hit.dn.value_or(flat).du);
+        set_lane(hits.dn->dv, k, hit.dn.value_or(flat).dv);
+    }
     hits.barycentric.x.v[k] = hit.barycentric.x, hits.barycentric.y.v[k] = hit.barycentric.y;
     hits.uv.x.v[k] = hit.uv.x, hits.uv.y.v[k] = hit.uv.y;
     hits.position_error.v[k] = hit.position_error;

@@ -42,7 +42,7 @@ void Instance::place(Hit<float> &hit) const {
         const Vec3f moved = to_group.transposed_vector(in_group) * inverse_length;
         return moved - hit.shading_normal * dot(hit.shading_normal, moved);
     };
-    hit.dn_du = change(hit.dn_du), hit.dn_dv = change(hit.dn_dv);
+    if (hit.dn) hit.dn = {change(hit.dn->du), change(hit.dn->dv)};
     hit.dp_du = to_world.vector(hit.dp_du);
     hit.dp_dv = to_world.vector(hit.dp_dv);
 }

@@ -255,7 +255,7 @@ void SdfGrid::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &,
     const Frame<float> tangents = frame_around(hit.normal);
     hit.dp_du = tangents.s, hit.dp_dv = tangents.t;
     const float curvature = mean_curvature(p); // all that is known: taken as that of a sphere
-    hit.dn_du = hit.dp_du * curvature, hit.dn_dv = hit.dp_dv * curvature;
+    hit.dn = {hit.dp_du * curvature, hit.dp_dv * curvature};
 }
 
 } // namespace lajolla

@@ -136,7 +136,7 @@ void Sphere::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &ne
     hit.dp_du = axes.to_world(Vec3f{-sin_phi * r, cos_phi * r, 0} * (2 * pi * radius));
     hit.dp_dv = axes.to_world(Vec3f{local.z * cos_phi, local.z * sin_phi, -r} * (pi * radius));
     const float curvature = (flip_normals ? -1 : 1) / radius;
-    hit.dn_du = hit.dp_du * curvature, hit.dn_dv = hit.dp_dv * curvature;
+    hit.dn = {hit.dp_du * curvature, hit.dp_dv * curvature};
 }
 
 SurfaceSample Sphere::at(const Vec3f &direction) const {
@@ -284,7 +284,7 @@ void Cylinder::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &
     hit.uv = hit.barycentric = {turns(around.y, around.x), z / height};
     hit.dp_du = axes.to_world({-around.y, around.x, 0}) * (2 * pi * radius);
     hit.dp_dv = axes.n * height;
-    hit.dn_du = hit.dp_du * ((flip_normals ? -1 : 1) / radius);
+    hit.dn = {hit.dp_du * ((flip_normals ? -1 : 1) / radius), Vec3f(0)};
 }
 
 SurfaceSample Cylinder::sample(float, Vec2f u) const {

@@ -10,7 +10,7 @@ namespace lajolla {
 struct HitNeeds {
     bool uvs = true;       // uv
     bool tangents = true;  // dp_du, dp_dv
-    bool curvature = true; // dn_du, dn_dv; not without tangents
+    bool curvature = true; // dn; not without tangents
 };
 
 template <class Float>
@@ -78,9 +78,10 @@ void fill_triangle(const TriangleCorners<Float> &p, const TriangleNormals<Float>
         return select(mapped, (by_b2 * d1.x - by_b1 * d2.x) * inverse, by_b2);
     };
     hit.dp_du = by_u(e1, e2), hit.dp_dv = by_v(e1, e2);
-    if (!needs.curvature || !any(normals.present)) return;
-    hit.dn_du = by_u(dn_db1, dn_db2), hit.dn_dv = by_v(dn_db1, dn_db2);
-    hit.dn_du = select(flipped, -hit.dn_du, hit.dn_du), hit.dn_dv = select(flipped, -hit.dn_dv, hit.dn_dv);
+    if (!needs.curvature) return;
+    hit.dn = {by_u(dn_db1, dn_db2), by_v(dn_db1, dn_db2)};
+    hit.dn->du = select(flipped, -hit.dn->du, hit.dn->du);
+    hit.dn->dv = select(flipped, -hit.dn->dv, hit.dn->dv);
 }
 
 } // namespace lajolla

@@ -150,7 +150,7 @@ Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const Footprin
     if (found.instance != RayHit::no_instance) [[unlikely]]
         fill_in_instance(ray, found, needs, hit);
     else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, needs, hit); });
-    hit.footprint = footprint.at(ray.direction, found.distance, hit.normal);
+    hit.footprint.move(footprint, ray.direction, found.distance, hit.normal);
     return hit;
 }
 
@@ -226,7 +226,7 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     if (others)
         for_each_lane(mask_of(others) && active,
                       [&](int k) { set_lane(result, k, hit(lane_of(rays, k), hits[k], {}, needs)); });
-    result.footprint = footprints.at(rays.direction, hits.distance, result.normal);
+    result.footprint.move(footprints, rays.direction, hits.distance, result.normal);
     return result;
 }
 

@@ -337,8 +337,8 @@ inline Flight Path::cross_medium(const Scene &scene, const std::optional<RayHit>
     if (flight.surface) {
         Hit<float> &hit = *flight.surface;
         const Vec3f &direction = path.ray.direction;
-        hit.footprint =
-            path.footprint.at(direction, dot(hit.position - path.ray.origin, direction), hit.normal);
+        hit.footprint.move(path.footprint, direction, dot(hit.position - path.ray.origin, direction),
+                           hit.normal);
     }
     return flight;
 }
