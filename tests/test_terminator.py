@@ -76,6 +76,15 @@ def test_a_coarse_sphere_has_the_terminator_of_a_true_one() -> None:
     assert found["chiang"][0] < -0.1
 
 
+def test_mirrors_have_no_terminator() -> None:
+    """Their picture shows the way that light takes, which is not in the shadow of a triangle."""
+    mirror: Settings = {"type": "conductor", "eta": 0, "k": 1}
+    pictures = [
+        picture(ball(mode, bsdfs=[mirror], emitters=[SKY], max_depth=2), 4) for mode in ("none", "chiang")
+    ]
+    np.testing.assert_array_equal(*pictures)
+
+
 def test_no_triangle_is_black_before_the_terminator() -> None:
     """Of one sample in every pixel: there are neither shadows of the mesh on itself nor halos."""
     sun: Settings = {"type": "directional", "direction": SUN.tolist(), "irradiance": np.pi}
@@ -167,6 +176,16 @@ def test_strategies_agree_in_fog(strategy: str) -> None:
     check_same_mean("fog", *means)
 
 
+def smooth_positions(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points on the coarse sphere at barycentric weights (N, 3) in each triangle, and where rays start there,
+    if nothing is in the way."""
+    corners = np.asarray(COARSE.vertices, float)[COARSE.faces]
+    points = np.einsum("nk,fkc->fnc", weights, corners)
+    heights = np.einsum("fnkc,fkc->fnk", corners[:, None] - points[:, :, None], corners)
+    lifts = np.einsum("nk,fnk,fkc->fnc", weights, np.maximum(heights, 0), corners)
+    return points.reshape(-1, 3), (points + lifts).reshape(-1, 3)
+
+
 def test_a_closed_mesh_lets_no_light_through() -> None:
     """Neither outwards nor inwards, where the surface is convex, concave, or touches another one."""
     flat = {"type": "rectangle", "to_world": translation(0, 0, -1) @ scaling(5), "material": 0}
@@ -180,6 +199,9 @@ def test_a_closed_mesh_lets_no_light_through() -> None:
         "type": "orthographic",
         "to_world": look_at((0, -4, -0.52), (0, 0, -0.53)) @ scaling(0.02, 0.02, 1),
     }
+    points, starts = smooth_positions(generator("points").dirichlet((1, 1, 1), 200))
+    seen = (points[:, 2] > -0.548) & (points[:, 2] < -0.508)
+    assert np.mean(starts[seen, 2] < -0.55) > 0.1  # they would be below the ground
     for ground, sensor in ((flat, front_view(4, 2)), (lowered, close)):
         shaded = ball("hanika", MESH, ground, emitters=[below], sensor=sensor, size=(32, 32), max_depth=6)
         assert picture(shaded, 64).max() == 0

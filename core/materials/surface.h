@@ -18,15 +18,16 @@ struct ShadingNormal {
     Vec3<Float> smooth{};          // normal without maps
 
     // A factor of light scattered between wo and wi: 0 for reflection into the surface, less than 1 if bumps
-    // cast shadows, or before the terminator.
-    Float visible(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
+    // cast shadows, or before the terminator, which mirrors do not have.
+    Float visible(const Vec3<Float> &wo, const Vec3<Float> &wi, BoolOf<Float> mirror = false) const {
         const auto reflected = wi.z * wo.z > 0.0f;
         const auto into_solid = reflected && !lifted && dot(geometric, wi) * dot(geometric, wo) <= 0.0f;
         Float shadowing = 1;
         if (any(differs && bump != 0.0f))
             shadowing =
                 select(bump == 0.0f, Float(1), bump_shadowing(bump, tangent_squared(dot(smooth, wi))));
-        if (softened) shadowing *= select(reflected, terminator_shadowing(geometric, smooth, wi), Float(1));
+        if (softened)
+            shadowing *= select(reflected && !mirror, terminator_shadowing(geometric, smooth, wi), Float(1));
         return select(differs, select(into_solid, Float(0), shadowing), Float(1));
     }
 };
@@ -70,7 +71,7 @@ struct Surface {
     BsdfSample<Float> sample(Float u_lobe, const Vec2<Float> &u) const {
         BsdfSample<Float> result = sample_lobe(u_lobe * scattering_probability, u);
         if (any(normal.differs)) {
-            const Float visible = normal.visible(wo, result.wi);
+            const Float visible = normal.visible(wo, result.wi, delta || result.delta);
             result.weight *= visible;
             result.valid = result.valid && visible != 0.0f;
         }

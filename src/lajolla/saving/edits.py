@@ -252,9 +252,11 @@ class SceneEdits:
         ]
 
     def _of_material(self, found: SceneObject) -> list[str]:
-        """The terminator, if it differs where a bsdf is the outermost one."""
-        paths = (all_.get(f"{found.name}.{TERMINATOR}") for all_ in (self.before, self.params))
-        return [TERMINATOR] if found.kind in ("bsdf", "adapter") and len({*paths}) > 1 else []
+        """The terminator, if it differs where a bsdf was and is the outermost one."""
+        if found.kind not in ("bsdf", "adapter"):
+            return []
+        values = {all_.get(f"{found.name}.{TERMINATOR}") for all_ in (self.before, self.params)}
+        return [TERMINATOR] if len(values - {None}) > 1 else []
 
     # --- texts --------------------------------------------------------------------------------------------
 
