@@ -397,6 +397,22 @@ def test_saving(tmp_path: Path) -> None:
     assert terminators(again.description) == ["none", "none", "hanika"]
 
 
+def test_saving_what_two_sides_say(tmp_path: Path) -> None:
+    """A bsdf inside another one that sets the property, in place or by reference."""
+    inside = f'<bsdf type="twosided" id="red">{said("hanika")}<bsdf type="diffuse"/></bsdf>'
+    grey, both = (
+        '<bsdf type="diffuse" id="grey"/>',
+        f'<bsdf type="twosided">{said("chiang")}<ref id="grey"/></bsdf>',
+    )
+    shapes = f'<shape type="sphere">{inside}</shape><shape type="sphere" id="b">{both}</shape>'
+    scene = loaded(grey + shapes, tmp_path)
+    assert terminators(scene.description) == ["hanika", "chiang"]
+    scene["red.terminator"] = "none"
+    scene["grey.terminator"] = "hanika"
+    scene.save(tmp_path / "saved.xml")
+    assert terminators(lajolla.load(tmp_path / "saved.xml").description) == ["none", "hanika"]
+
+
 def test_conversion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Mitsuba has no such thing."""
     path = tmp_path / "scene.xml"

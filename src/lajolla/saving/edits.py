@@ -12,6 +12,7 @@ from lajolla.params import TERMINATOR, Params
 from lajolla.params.objects import KINDS as LISTS
 from lajolla.params.objects import MATERIAL, SINGLE, Entry, Lists, SceneObject, names_by_entry, place_of
 from lajolla.params.values import WITH_OBJECTS
+from lajolla.saving import terminators
 from lajolla.saving.differences import MEDIA, whole_window
 from lajolla.saving.file_names import keep_files, plain_name, relative_to
 from lajolla.saving.texts import ElementText, SourceText, Span
@@ -144,7 +145,9 @@ class SceneEdits:
                 inside(all_.entry(one.entry), one) for all_, one in ((lists, found), (self.lists, after))
             )
             differing = [f.name for f in found.fields.values() if self._differs(f, old, new, name)]
-            differing += self._of_shape(found, old, new) + self._of_material(found)
+            differing += self._of_shape(found, old, new)
+            if terminators.has_changed(found, self.before, self.params):
+                differing.append(TERMINATOR)
             if differing:
                 yield Changed(after, new, self._places(found), differing)
 
@@ -251,13 +254,6 @@ class SceneEdits:
             or (name == "bsdf" and self._has_other_models(found))
         ]
 
-    def _of_material(self, found: SceneObject) -> list[str]:
-        """The terminator, if it differs where a bsdf was and is the outermost one."""
-        if found.kind not in ("bsdf", "adapter"):
-            return []
-        values = {all_.get(f"{found.name}.{TERMINATOR}") for all_ in (self.before, self.params)}
-        return [TERMINATOR] if len(values - {None}) > 1 else []
-
     # --- texts --------------------------------------------------------------------------------------------
 
     def _write_all(self, changed: Changed) -> None:
@@ -317,8 +313,8 @@ class SceneEdits:
     def _put(self, element: ElementText, changed: Changed, name: str, instead: tuple[str, ...]) -> None:
         found, entry = changed.found, changed.entry
         if name == TERMINATOR:
-            new = ET.Element("string", name=name, value=self.params[f"{found.name}.{name}"])
-            element.put([new], lambda child: child.attributes.get("name") == name)
+            place = Location(element.source, element.span.start)
+            terminators.put(self._text(place), element, self.params[f"{found.name}.{name}"])
             return
         if name in MEDIA:
             self._put_medium(element, entry.get(name, -1), name)
