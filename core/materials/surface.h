@@ -96,7 +96,7 @@ struct ShadingFrame {
     BoolOf<Float> black; // the visible side has no BSDF
     Frame<Float> frame;
     ShadingNormal<Float> normal;
-    BoolOf<Float> behind; // the viewer is on the back of the shape
+    BoolOf<Float> behind = false; // the viewer is on the back of the shape
 };
 
 // For the viewer `wo` (world space); `turned` if the BSDF is that of the back, whose frame is flipped.
@@ -115,8 +115,8 @@ ShadingFrame<Float> shading_frame(const BsdfTraits &traits, const Hit<Float> &hi
     if (traits.transmissive) n = select(seen.behind, -n, n);
     ShadingFrame<Float> result{seen.behind && !turned && !BoolOf<Float>(traits.transmissive),
                                traits.anisotropic ? frame_along(n, normal.tangent) : frame_around(n),
-                               {differs},
-                               seen.behind};
+                               {differs}};
+    result.behind = seen.behind;
     if (any(differs)) {
         result.normal.geometric = result.frame.to_local(hit.normal);
         result.normal.softened = normal.softened;

@@ -33,9 +33,9 @@ struct SurfaceVertex {
 // Calls f(vertex) for the vertices at which a surface gathers light.
 template <class Float, class LobeType, class F>
 void for_each_vertex(const Hit<Float> &hit, const Surface<Float, LobeType> &surface, F &&f) {
-    f(SurfaceVertex<Float, LobeType>{hit, surface, !surface.behind});
-    if (hit.lift.present && surface.transmissive)
-        f(SurfaceVertex<Float, LobeType>{hit, surface, surface.behind});
+    const int count = hit.lift.present && surface.transmissive ? 2 : 1;
+    for (int i = 0; i < count; ++i)
+        f(SurfaceVertex<Float, LobeType>{hit, surface, i == 0 ? !surface.behind : surface.behind});
 }
 
 struct MediumVertex {
