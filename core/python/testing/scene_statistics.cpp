@@ -130,7 +130,7 @@ std::optional<Hit<float>> hit_after(const Scene &scene, const Vec2f &film, const
         if (surface.black) return std::nullopt;
         const BsdfSample<float> sample = surface.sample(u_lobe, {0.5f, 0.5f});
         if (!sample.valid) return std::nullopt;
-        Path::scatter(scene, hit, sample, surface.delta, path);
+        Path::scatter(scene, hit, surface.departure(hit, sample.wi), sample, surface.delta, path);
     }
 }
 
