@@ -56,8 +56,7 @@ struct NormalChange {
 // the smooth surface that vertex normals describe, if that is farther out than the triangle there; else zero.
 template <class Float>
 struct Lift {
-    bool present = false; // otherwise the rest is undefined
-    Vec3<Float> front{}, back{};
+    Vec3<Float> front, back;
 
     static BoolOf<Float> is_raised(const Vec3<Float> &lift) { return !(lift == Vec3<Float>(0)); }
 };
@@ -70,9 +69,9 @@ struct Hit {
     Vec3<Float> shading_normal;
     Vec3<Float> dp_du, dp_dv;
     Vec2<Float> barycentric, uv;
-    Float distance;       // along the ray that found it
-    Float position_error; // maximum distance of the true surface from `position`
-    Lift<Float> lift;
+    Float distance;                  // along the ray that found it
+    Float position_error;            // maximum distance of the true surface from `position`
+    std::optional<Lift<Float>> lift; // none where materials do not ask for it
     Footprint<Float> footprint;
     std::optional<NormalChange<Float>> dn; // none on flat surfaces, or where it is not needed
     IntOf<Float> shape, primitive;
@@ -214,7 +213,7 @@ Departure<Float> depart(const Hit<Float> &hit, const Vec3<Float> &direction) {
 // The same on one side of a hit with a lift, whatever the direction.
 template <class Float>
 Departure<Float> depart_lifted(const Hit<Float> &hit, BoolOf<Float> front) {
-    const Vec3<Float> vertex = hit.position + select(front, hit.lift.front, hit.lift.back);
+    const Vec3<Float> vertex = hit.position + select(front, hit.lift->front, hit.lift->back);
     return {front, vertex, vertex + hit.normal * select(front, hit.position_error, -hit.position_error)};
 }
 
@@ -243,9 +242,9 @@ inline Footprint<float> lane_of(const Footprint<WideFloat> &footprints, int k) {
     }
     return result;
 }
-inline Lift<float> lane_of(const Lift<WideFloat> &lifts, int k) {
-    if (!lifts.present) return {};
-    return {true, lane_of(lifts.front, k), lane_of(lifts.back, k)};
+inline std::optional<Lift<float>> lane_of(const std::optional<Lift<WideFloat>> &lifts, int k) {
+    if (!lifts) return std::nullopt;
+    return Lift<float>{lane_of(lifts->front, k), lane_of(lifts->back, k)};
 }
 inline Hit<float> lane_of(const Hit<WideFloat> &hits, int k) {
     return {lane_of(hits.position, k),
@@ -290,8 +289,10 @@ inline void set_lane(Hit<WideFloat> &hits, int k, const Hit<float> &hit) {
     hits.barycentric.x.v[k] = hit.barycentric.x, hits.barycentric.y.v[k] = hit.barycentric.y;
     hits.uv.x.v[k] = hit.uv.x, hits.uv.y.v[k] = hit.uv.y;
     hits.position_error.v[k] = hit.position_error;
-    if (hits.lift.present)
-        set_lane(hits.lift.front, k, hit.lift.front), set_lane(hits.lift.back, k, hit.lift.back);
+    if (hits.lift) {
+        const Lift<float> lift = hit.lift.value_or(Lift<float>{});
+        set_lane(hits.lift->front, k, lift.front), set_lane(hits.lift->back, k, lift.back);
+    }
 }
 
 } // namespace lajolla

@@ -45,9 +45,9 @@ void Instance::place(Hit<float> &hit) const {
     if (hit.dn) hit.dn = {change(hit.dn->du), change(hit.dn->dv)};
     hit.dp_du = to_world.vector(hit.dp_du);
     hit.dp_dv = to_world.vector(hit.dp_dv);
-    if (hit.lift.present) {
-        hit.lift.front = clear_lift(to_world.vector(hit.lift.front), hit.normal, hit.position_error);
-        hit.lift.back = clear_lift(to_world.vector(hit.lift.back), -hit.normal, hit.position_error);
+    if (hit.lift) {
+        hit.lift->front = clear_lift(to_world.vector(hit.lift->front), hit.normal, hit.position_error);
+        hit.lift->back = clear_lift(to_world.vector(hit.lift->back), -hit.normal, hit.position_error);
     }
 }
 

@@ -49,10 +49,10 @@ struct Surface {
     // its sides, what is reflected or refracted there starts on it, and the triangle may be in its way. Other
     // rays start on the side to which they go.
     Departure<Float> departure(const Hit<Float> &hit, const Vec3<Float> &direction) const {
-        if (!hit.lift.present) return depart(hit, direction);
+        if (!hit.lift) return depart(hit, direction);
         const auto reflected = frame.to_local(direction).z * wo.z > 0.0f;
         const auto front = (reflected && !behind) || (!reflected && behind);
-        const auto raised = Lift<Float>::is_raised(select(front, hit.lift.front, hit.lift.back));
+        const auto raised = Lift<Float>::is_raised(select(front, hit.lift->front, hit.lift->back));
         const auto ahead = dot(hit.normal, direction) >= 0.0f;
         return depart_lifted(hit, (raised && front) || (!raised && ahead));
     }
@@ -123,8 +123,9 @@ ShadingFrame<Float> shading_frame(const BsdfTraits &traits, const Hit<Float> &hi
         if (normal.shadowed || normal.softened)
             result.normal.smooth = result.frame.to_local(hit.shading_normal);
         if (normal.shadowed) result.normal.bump = tangent_squared(result.normal.smooth.z);
-        if (hit.lift.present)
-            result.normal.lifted = Lift<Float>::is_raised(select(seen.behind, hit.lift.back, hit.lift.front));
+        if (hit.lift)
+            result.normal.lifted =
+                Lift<Float>::is_raised(select(seen.behind, hit.lift->back, hit.lift->front));
     }
     return result;
 }

@@ -148,7 +148,7 @@ Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const Footprin
     hit.emitter = slot.emitter;
     hit.interior = slot.interior;
     hit.exterior = slot.exterior;
-    hit.lift.present = needs.lift && materials_->terminator(slot.material) == Terminator::hanika;
+    if (needs.lift && materials_->terminator(slot.material) == Terminator::hanika) hit.lift.emplace();
     if (found.instance != RayHit::no_instance) [[unlikely]]
         fill_in_instance(ray, found, needs, hit);
     else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, needs, hit); });
@@ -189,7 +189,7 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     if (needs.lift)
         for (int k = 0; k < lanes; ++k)
             if (materials_->terminator(result.material[k]) == Terminator::hanika) lifted |= 1u << k;
-    result.lift.present = lifted != 0;
+    if (lifted) result.lift.emplace();
 
     static constexpr float nothing[4]{};
     const float *positions[3][lanes], *normals[3][lanes], *uvs[3][lanes];
@@ -231,8 +231,8 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
         triangle_uvs = {mask_of(with_uvs), pair(uvs[0]), pair(uvs[1]), pair(uvs[2])};
     fill_triangle(corners, triangle_normals, triangle_uvs, mask_of(flipped), hits.b1, hits.b2, needs, result);
     if (lifted) {
-        result.lift.front = select(mask_of(lifted), result.lift.front, Vec3<WideFloat>(0));
-        result.lift.back = select(mask_of(lifted), result.lift.back, Vec3<WideFloat>(0));
+        result.lift->front = select(mask_of(lifted), result.lift->front, Vec3<WideFloat>(0));
+        result.lift->back = select(mask_of(lifted), result.lift->back, Vec3<WideFloat>(0));
     }
 
     if (others)

@@ -13,13 +13,11 @@ struct SurfaceVertex {
     const Surface<Float, LobeType> &surface;
     BoolOf<Float> front = true; // the side, if the hit has a lift
 
-    Vec3<Float> position() const {
-        return hit.lift.present ? depart_lifted(hit, front).vertex : hit.position;
-    }
+    Vec3<Float> position() const { return hit.lift ? depart_lifted(hit, front).vertex : hit.position; }
     Float position_error() const { return hit.position_error; }
     // Whether light from wi is gathered here.
     BoolOf<Float> gathers(const Vec3<Float> &wi) const {
-        if (!hit.lift.present) return true;
+        if (!hit.lift) return true;
         const auto there = surface.departure(hit, wi).front;
         return (there && front) || (!there && !front);
     }
@@ -33,7 +31,7 @@ struct SurfaceVertex {
 // Calls f(vertex) for the vertices at which a surface gathers light.
 template <class Float, class LobeType, class F>
 void for_each_vertex(const Hit<Float> &hit, const Surface<Float, LobeType> &surface, F &&f) {
-    const int count = hit.lift.present && surface.transmissive ? 2 : 1;
+    const int count = hit.lift && surface.transmissive ? 2 : 1;
     for (int i = 0; i < count; ++i)
         f(SurfaceVertex<Float, LobeType>{hit, surface, i == 0 ? !surface.behind : surface.behind});
 }
@@ -67,7 +65,7 @@ inline WideFloat free_distance(Tracer &tracer, const Ray<WideFloat> &rays, WideB
 // half of the way to there.
 template <class Float>
 void lower_lift(Tracer &tracer, BoolOf<Float> active, Hit<Float> &hit) {
-    if (!hit.lift.present) return;
+    if (!hit.lift) return;
     const auto lower = [&](Vec3<Float> &lift) {
         const auto raised = active && Lift<Float>::is_raised(lift);
         if (!any(raised)) return;
@@ -79,8 +77,8 @@ void lower_lift(Tracer &tracer, BoolOf<Float> active, Hit<Float> &hit) {
         const Vec3<Float> lowered = lift * min(free / (2 * height), Float(1));
         lift = select(raised, clear_lift(lowered, outwards, hit.position_error), lift);
     };
-    lower(hit.lift.front);
-    lower(hit.lift.back);
+    lower(hit.lift->front);
+    lower(hit.lift->back);
 }
 
 } // namespace lajolla
