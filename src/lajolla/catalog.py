@@ -24,6 +24,7 @@ def catalog() -> Catalog:
         merged.setdefault(kind, {}).update(models)
     emitters = plugins_by_kind()["emitter"].values()  # with their common property
     merged["emitter"] = {plugin.name: plugin.described() for plugin in emitters}
+    del merged["film"]["film"]  # the common part of the films, which scenes cannot name
     merged["aov"] = {name: {"doc": variable.doc, "fields": []} for name, variable in AOVS.items()}
     return merged
 
