@@ -18,6 +18,13 @@ myst_heading_anchors = 4
 myst_dmath_double_inline = True
 
 nitpicky = True
+nitpick_ignore_regex = [("py:.*", ".*")]  # types of other libraries, and private ones, in signatures
+napoleon_use_ivar = True
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # those of NumPy fill lines; the texts state shapes and ranges
+default_role = "code"  # what backticks in docstrings mean
+smartquotes = False  # they make dashes of the -- of options
+suppress_warnings = ["misc.highlighting_failure"]  # Pygments does not know numbers such as 0x1p-24f
 html_theme = "furo"
 html_title = "lajolla"
 html_math_renderer = "katex"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import os
 import shutil
 import sys
@@ -82,7 +84,11 @@ def _run_sphinx(folder: Path, katex: Path, *, strict: bool) -> None:
         shutil.copy(font, static / "fonts")
     options = ["-W", "--keep-going"] if strict else []
     words = [*options, "-q", "-b", "html", "-d", str(folder / "doctrees"), str(docs), str(folder / "site")]
-    if build_main(words) != 0:
+    messages = io.StringIO()
+    with contextlib.redirect_stderr(messages):
+        code = build_main(words)
+    sys.stderr.write(messages.getvalue().replace(str(stage_folder), str(ROOT)))  # not of the copy
+    if code != 0:
         raise SiteError("the site has the mistakes above")
 
 

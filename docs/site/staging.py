@@ -13,6 +13,7 @@ import shutil
 from pathlib import Path, PurePosixPath
 
 import notebooks
+import weekend
 
 PAGES = {  # from outside of docs/
     "README.md": "index.md",  # a link to it leads to the first page
@@ -87,7 +88,7 @@ class _Sources:
         """Rewrites the links of a page."""
         name = page.relative_to(self.docs).as_posix()
         origin = PurePosixPath(self.origins.get(name, f"docs/{name}"))
-        text = page.read_text()
+        text = self._changed(name, page.read_text())
         parts = []
         end = 0
         for code in CODE.finditer(text):
@@ -96,6 +97,12 @@ class _Sources:
         page.write_text("".join([*parts, self._relinked(text[end:], origin, page)]))
         for path in INCLUDE.findall(text):
             self._page(os.path.normpath(origin.parent / path))
+
+    def _changed(self, name: str, text: str) -> str:
+        """A page with what only the site adds: numbers of chapters, and of lines."""
+        if chapter := re.match(r"book/(\d\d)-", name):
+            return re.sub(r"^# ", f"# {int(chapter[1])}. ", text, count=1, flags=re.MULTILINE)
+        return weekend.with_lines(text, self.root) if name == weekend.NAME else text
 
     def _relinked(self, text: str, origin: PurePosixPath, page: Path) -> str:
         def changed(link: re.Match[str]) -> str:
