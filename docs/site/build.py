@@ -13,6 +13,7 @@ import warnings
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent.parent
+SITE = Path(os.environ.get("LAJOLLA_SITE", ROOT / "build" / "site"))  # the launcher sets it
 KATEX = Path("/usr/share/javascript/katex")  # of Debian's and Ubuntu's package libjs-katex
 MARK = ".buildinfo"  # a file that Sphinx writes into every site
 
@@ -96,10 +97,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="lajolla docs", description="Builds the site from docs/; it can be read without a network."
     )
-    parser.add_argument(
-        "folder", nargs="?", type=Path, default=ROOT / "build" / "site", metavar="FOLDER",
-        help="for the site (default: build/site)",
-    )  # fmt: skip
+    folder_help = "for the site (default: build/site)"
+    parser.add_argument("folder", nargs="?", type=Path, default=SITE, metavar="FOLDER", help=folder_help)
     parser.add_argument(
         "--lenient", action="store_true", help="go on after warnings, such as of missing pictures"
     )
