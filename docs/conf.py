@@ -34,5 +34,5 @@ html_copy_source = False
 html_show_sourcelink = False
 html_show_copyright = False
 html_show_sphinx = False
-html_last_updated_fmt = None
+html_show_search_summary = False  # browsers do not let pages in files read others
 html_theme_options = {"navigation_with_keys": True}

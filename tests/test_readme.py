@@ -149,7 +149,8 @@ def compiler(repository: Path) -> str:
 
 @pytest.mark.parametrize(
     "name",
-    "README.md CHANGELOG.md CONTRIBUTING.md docs docs/book docs/notebooks bench/README.md scenes/README.md".split(),
+    "README.md CHANGELOG.md CONTRIBUTING.md docs docs/book docs/notebooks bench/README.md "
+    "scenes/README.md".split(),
 )
 def test_links_lead_somewhere(repository: Path, name: str) -> None:
     start = repository / name
