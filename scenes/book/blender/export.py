@@ -16,6 +16,8 @@ from xml.etree import ElementTree as ET
 
 import bpy
 
+FLAT = ("SQUARE", "RECTANGLE")  # shapes of area lights
+
 
 def add(parent: ET.Element, tag: str, name: str, value: object) -> None:
     """Adds a property; `value` is a number, a text or a sequence of numbers."""
@@ -33,6 +35,12 @@ def facing(matrix: Iterable[Sequence[float]], width: float = 1, height: float = 
     return [(-row[0] * width, row[1] * height, -row[2], row[3]) for row in matrix]
 
 
+def node_of(owner: bpy.types.World | bpy.types.Material | None, kind: str) -> bpy.types.Node | None:
+    """The first shader node of a kind."""
+    nodes = owner.node_tree.nodes if owner and owner.node_tree else []
+    return next((node for node in nodes if node.type == kind), None)
+
+
 def add_camera(scene: ET.Element, camera: bpy.types.Object, film: bpy.types.RenderSettings) -> None:
     sensor = ET.SubElement(scene, "sensor", type="perspective")
     add(sensor, "string", "fov_axis", "larger")
@@ -43,8 +51,11 @@ def add_camera(scene: ET.Element, camera: bpy.types.Object, film: bpy.types.Rend
     add(picture, "integer", "height", film.resolution_y)
 
 
-def add_sky(scene: ET.Element, world: bpy.types.World) -> None:
-    background = world.node_tree.nodes["Background"].inputs
+def add_sky(scene: ET.Element, world: bpy.types.World | None) -> None:
+    node = node_of(world, "BACKGROUND")
+    if not node:
+        return
+    background = node.inputs
     strength = background["Strength"].default_value
     emitter = ET.SubElement(scene, "emitter", type="constant")
     add(emitter, "rgb", "radiance", [strength * x for x in list(background["Color"].default_value)[:3]])
@@ -68,8 +79,7 @@ def add_area_light(scene: ET.Element, lamp: bpy.types.Object) -> None:
 def add_material(shape: ET.Element, material: bpy.types.Material | None) -> None:
     sides = ET.SubElement(shape, "bsdf", type="twosided")
     bsdf = ET.SubElement(sides, "bsdf", type="principled")
-    nodes = material.node_tree.nodes if material else []
-    found = next((node for node in nodes if node.type == "BSDF_PRINCIPLED"), None)
+    found = node_of(material, "BSDF_PRINCIPLED")
     if found:
         add(bsdf, "rgb", "base_color", list(found.inputs["Base Color"].default_value)[:3])
         add(bsdf, "float", "metallic", found.inputs["Metallic"].default_value)
@@ -102,11 +112,13 @@ def export(folder: Path) -> None:
     for thing in opened.objects:
         if thing.type == "MESH":
             add_mesh(scene, thing, folder)
-        elif thing.type == "LIGHT" and thing.data.type == "AREA":
+        elif thing.type == "LIGHT" and thing.data.type == "AREA" and thing.data.shape in FLAT:
             add_area_light(scene, thing)
+        elif thing.type != "CAMERA":
+            print(f"left out: {thing.name} ({thing.type.lower()})")
     ET.indent(scene, "    ")
     ET.ElementTree(scene).write(folder / "scene.xml", encoding="utf-8", xml_declaration=True)
 
 
 if __name__ == "__main__":
-    export(Path(sys.argv[-1]))
+    export(Path(sys.argv[-1]).resolve())

@@ -1,6 +1,6 @@
 """Makes the scene of this folder in Blender: a ring, a rounded block and a cone below an area light.
 
-    python make_scene.py FOLDER        with Blender's Python, or a Python with the package bpy
+python make_scene.py FOLDER        with Blender's Python, or a Python with the package bpy
 """
 
 from __future__ import annotations
@@ -63,4 +63,4 @@ def make() -> None:
 
 if __name__ == "__main__":
     make()
-    export(Path(sys.argv[-1]))
+    export(Path(sys.argv[-1]).resolve())
