@@ -132,6 +132,12 @@ def test_pages_show_lines_of_our_sources(site: Path) -> None:
         assert code and all(lines.strip() for lines in code), path.name
 
 
+def test_answers_are_folded(site: Path) -> None:
+    for path in (site / "book").glob("[0-9]*.html"):
+        text = path.read_text()
+        assert re.search(r"<details[^>]*>\s*<summary[^>]*>Answer", text), path.name
+
+
 def test_pages_of_the_reference_have_every_plugin(site: Path) -> None:
     for kind, models in catalog().items():
         name = PAGES[kind][0] if kind in PAGES else "aovs"
