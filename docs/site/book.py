@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from docutils import nodes
 from docutils.parsers.rst import directives
-from figure_list import DOCS, FigureError, Panel, find, read_figures
+from figure_list import FigureError, Panel, find, read_figures
 from sphinx.application import Sphinx
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
@@ -26,9 +26,8 @@ class Figures(SphinxDirective):
     option_spec: ClassVar = {"commands": lambda word: directives.choice(word, ("shown", "hidden"))}
 
     def run(self) -> list[nodes.Node]:
-        self.env.note_dependency(str(self.config.figures_file))
         try:
-            figure = find(read_figures(Path(self.config.figures_file)), self.arguments[0])
+            figure = find(read_figures(), self.arguments[0])
         except FigureError as error:
             raise self.error(str(error)) from None
         row = nodes.container(classes=["panels", f"panels-{len(figure.panels)}"])
@@ -46,12 +45,9 @@ class Figures(SphinxDirective):
         text, _ = self.parse_inline(panel.label)
         label = nodes.paragraph("", "", *text, classes=["label"])
         if not Path(self.env.srcdir, panel.file).is_file():
-            logger.warning(
-                "%s is not rendered yet: bench/figures.py", panel.file, location=self.get_location()
-            )
+            logger.warning("%s is not rendered: bench/figures.py", panel.file, location=self.get_location())
             return nodes.container("", label, classes=["panel", "absent"])
         image = nodes.image(uri=f"/{panel.file.as_posix()}", alt=panel.label, width=f"{panel.size[0]}px")
-        image["candidates"] = {}
         return nodes.container("", image, label, classes=["panel"])
 
 
@@ -109,7 +105,6 @@ def checkout(app: Sphinx) -> Path:
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Called by Sphinx."""
-    app.add_config_value("figures_file", str(DOCS / "book" / "figures.toml"), "env", types=[str])
     app.add_directive("figures", Figures)
     app.add_html_math_renderer("katex", (_inline, None), (_display, None))
     app.connect("html-page-context", _add_katex)

@@ -38,9 +38,19 @@ def build(target: Path, *, strict: bool = True) -> None:
         staged = Path(folder)
         (staged / "site").mkdir()
         _run_sphinx(staged, katex, strict=strict)
-        if target.exists():
-            os.rename(target, staged / "old")
-        os.rename(staged / "site", target)
+        _replace(target, staged / "site", staged / "old")
+
+
+def _replace(target: Path, new: Path, old: Path) -> None:
+    """Moves a folder to another one's place, and that one to `old`."""
+    if target.exists():
+        target.rename(old)
+    try:
+        new.rename(target)
+    except OSError:
+        if old.exists():
+            old.rename(target)
+        raise
 
 
 def _check_target(target: Path) -> None:
@@ -76,13 +86,7 @@ def _run_sphinx(folder: Path, katex: Path, *, strict: bool) -> None:
     except LinkError as error:
         raise SiteError(str(error)) from error
     write_reference(docs / "reference")
-    static = docs / "site" / "static" / "katex"
-    for name in ("katex.min.js", "katex.min.css"):
-        static.mkdir(exist_ok=True)
-        shutil.copy(katex / name, static)
-    (static / "fonts").mkdir()
-    for font in sorted((katex / "fonts").glob("*.woff2")):
-        shutil.copy(font, static / "fonts")
+    _copy_katex(katex, docs / "site" / "static" / "katex")
     options = ["-W", "--keep-going"] if strict else []
     words = [*options, "-q", "-b", "html", "-d", str(folder / "doctrees"), str(docs), str(folder / "site")]
     messages = io.StringIO()
@@ -91,6 +95,14 @@ def _run_sphinx(folder: Path, katex: Path, *, strict: bool) -> None:
     sys.stderr.write(messages.getvalue().replace(str(stage_folder), str(ROOT)))  # not of the copy
     if code != 0:
         raise SiteError("the site has the mistakes above")
+
+
+def _copy_katex(katex: Path, target: Path) -> None:
+    (target / "fonts").mkdir(parents=True)
+    for name in ("katex.min.js", "katex.min.css"):
+        shutil.copy(katex / name, target)
+    for font in sorted((katex / "fonts").glob("*.woff2")):
+        shutil.copy(font, target / "fonts")
 
 
 def main() -> int:
@@ -106,9 +118,12 @@ def main() -> int:
     warnings.simplefilter("ignore")  # of libraries
     try:
         build(arguments.folder.resolve(), strict=not arguments.lenient)
-    except SiteError as error:
+    except (SiteError, OSError) as error:
         print(f"lajolla: error: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("lajolla: interrupted; nothing was written", file=sys.stderr)
+        return 130
     print(f"wrote {arguments.folder / 'index.html'}")
     return 0
 
