@@ -26,7 +26,7 @@ from lajolla.cli import main as run_lajolla  # noqa: E402
 from lajolla.whole_files import replacing  # noqa: E402
 
 DRAFT_WIDTH = 48  # pixels
-QUALITY = 88  # of JPEG files, of 100
+QUALITY = 85  # of JPEG files, of 100
 
 
 def render_panel(panel: Panel, target: Path, *, draft: bool) -> None:
@@ -60,6 +60,7 @@ def write_jpeg(source: Path, target: Path) -> None:
     written = oiio.ImageBuf(oiio.ImageSpec(width, height, min(channels, 3), oiio.UINT8))
     written.set_pixels(oiio.ROI(), pixels[..., :3].copy())
     written.specmod().attribute("Compression", f"jpeg:{QUALITY}")
+    written.specmod().attribute("jpeg:subsampling", "4:2:0")
     target.parent.mkdir(parents=True, exist_ok=True)
     with replacing(target) as temporary:
         if not written.write(str(temporary)):
