@@ -198,11 +198,21 @@ def environment_maps() -> list[Lit]:
     placed = [environment(name, images["random"], m, 0.3) for name, m in placements.items()]
     turn = placements["rotated"]
     partial = [environment(f"to {end}", images["random"], turn, theta_max=end) for end in (40, 90, 135)]
-    return plain + placed + partial
+    ways = [
+        environment(f"{name} sampled by {way}", images[name], turn, sampling=way)
+        for name in ("random", "one bright pixel")
+        for way in ("radiance", "uniform")
+    ]
+    return plain + placed + partial + ways
 
 
 def environment(
-    name: str, pixels: np.ndarray, to_world: np.ndarray, scale: float = 1, theta_max: float = 180
+    name: str,
+    pixels: np.ndarray,
+    to_world: np.ndarray,
+    scale: float = 1,
+    theta_max: float = 180,
+    **more: object,
 ) -> Lit:
     # power() takes the mean of a cell's corners for its mean: rough where there are but a few rows
     emitter = {
@@ -211,6 +221,7 @@ def environment(
         "theta_max": theta_max,
         "to_world": to_world,
         "scale": scale,
+        **more,
     }
     domain = cells_of_map(pixels.shape[1], pixels.shape[0], to_world, theta_max)
     return Lit(f"envmap {name}", emitter, None, ((0, 0, 0),), domain=domain, power_slack=0.5)

@@ -129,6 +129,7 @@ def make_scene(
     film: Settings | None = None,
     rfilter: Settings | None = None,
     sampler: str = "independent",
+    robust: bool | None = None,
     **integrator: object,
 ) -> _core.Scene:
     """A scene; `integrator` holds the fields of the path tracer, or of another `type`."""
@@ -147,6 +148,7 @@ def make_scene(
             "rfilter": rfilter or {"type": "box"},
             "sampler": {"type": sampler},
             "integrator": {"type": "path", **integrator},
+            **({} if robust is None else {"robust": robust}),
         }
     )
 

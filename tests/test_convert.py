@@ -344,6 +344,24 @@ def test_what_is_not_used_is_not_told_of_twice(tmp_path: Path) -> None:
     assert len([w for w in told if "subsurface" in w]) == 1
 
 
+def test_how_rays_and_directions_are_found_stays(tmp_path: Path) -> None:
+    """Mitsuba's names for robust ray queries and for how environment maps are sampled."""
+    image.write(tmp_path / "sky.pfm", np.full((2, 4, 3), 3.0))
+    sky = '<emitter type="envmap"><string name="filename" value="sky.pfm"/>{}</emitter>'
+    robust = '<boolean name="embree_use_robust_intersections" value="true"/>'
+    for given, written in (
+        ("", None),
+        ('<string name="sampling" value="compensated"/>', "true"),
+        ('<string name="sampling" value="uniform"/>', "false"),
+        ('<boolean name="mis_compensation" value="true"/>', "true"),
+        ('<boolean name="mis_compensation" value="false"/>', "false"),
+    ):
+        text, told = converted(f'{robust}{sky.format(given)}<sensor type="perspective"/>', tmp_path)
+        assert robust.replace("/>", " />") in text and not told
+        found = re.search(r'name="mis_compensation" value="(.*?)"', text)
+        assert (found[1] if found else None) == written
+
+
 def test_the_border_of_a_film_stays(tmp_path: Path) -> None:
     border = '><boolean name="sample_border" value="true"/></film></sensor>'
     text, _ = converted(CAMERA.replace("/></sensor>", border), tmp_path)

@@ -93,15 +93,15 @@ std::vector<Accel::LooseSphere> Accel::few_spheres(const SharedVector<Shape> &sh
 
 struct Accel::Embree {
     EmbreeDevice device;
-    RTCBuildQuality quality;
+    BuildOptions options;
     EmbreeScene scene;
     std::vector<std::shared_ptr<const EmbreeScene>> groups;
 
-    Embree(EmbreeDevice on, const SharedVector<Shape> &shapes)
-        : device(std::move(on)), quality(build_quality(shapes)), scene(device, quality, shapes) {}
+    Embree(EmbreeDevice on, const SharedVector<Shape> &shapes, std::optional<bool> robust)
+        : device(std::move(on)), options{build_quality(shapes), robust}, scene(device, options, shapes) {}
 
     void add_group(const Group &group, const SharedVector<Shape> &shapes) {
-        const auto added = std::make_shared<EmbreeScene>(device, quality, shapes);
+        const auto added = std::make_shared<EmbreeScene>(device, options, shapes);
         std::vector<const Shape *> members;
         for (const std::uint32_t id : group) members.push_back(&shapes[id]);
         added->attach_all(members, static_cast<std::uint32_t>(members.size()));
@@ -120,12 +120,12 @@ static bool is_same_group(const Group &group, const SharedVector<Shape> &shapes,
 }
 
 Accel::Accel(SharedVector<Shape> shapes, SharedVector<Group> groups, const SharedVector<Instance> &instances,
-             const Accel *before)
+             std::optional<bool> robust, const Accel *before)
     : shapes_(std::move(shapes)), shape_count_(static_cast<std::uint32_t>(shapes_.size())),
       groups_(std::move(groups)) {
     const auto embree =
-        std::make_shared<Embree>(before ? before->embree_->device : new_embree_device(), shapes_);
-    const bool may_share = before && embree->quality == before->embree_->quality;
+        std::make_shared<Embree>(before ? before->embree_->device : new_embree_device(), shapes_, robust);
+    const bool may_share = before && embree->options == before->embree_->options;
     std::vector<bool> is_member(shapes_.size(), false);
     for (std::size_t i = 0; i < groups_.size(); ++i) {
         for (const std::uint32_t id : groups_[i]) is_member[id] = true;

@@ -18,9 +18,11 @@ namespace lajolla {
 // instances.
 class Accel {
 public:
-    // Groups are shared with another index as far as their shapes are the same.
+    // `robust`: no ray passes between neighbouring triangles; absent: only where it matters most, in meshes
+    // made of faces. Groups are shared with another index as far as their shapes are the same.
     explicit Accel(SharedVector<Shape> shapes, SharedVector<Group> groups = {},
-                   const SharedVector<Instance> &instances = {}, const Accel *before = nullptr);
+                   const SharedVector<Instance> &instances = {}, std::optional<bool> robust = {},
+                   const Accel *before = nullptr);
 
     // Rays with NaN or extremely large numbers, which a broken texture can cause, have no hits, and no light
     // comes along them: they are occluded. The same holds for rays that end before they begin.

@@ -194,20 +194,22 @@ bool same_geometry(const Shape &a, const Shape &b) {
            curves->basis == other_curves->basis;
 }
 
-EmbreeScene::EmbreeScene(EmbreeDevice device, RTCBuildQuality quality, SharedVector<Shape> shapes)
-    : device_(std::move(device)), shapes_(std::move(shapes)), scene_(rtcNewScene(device_.get())) {
+EmbreeScene::EmbreeScene(EmbreeDevice device, const BuildOptions &options, SharedVector<Shape> shapes)
+    : device_(std::move(device)), robust_(options.robust), shapes_(std::move(shapes)),
+      scene_(rtcNewScene(device_.get())) {
     if (!scene_) refuse_errors(device_.get());
-    rtcSetSceneBuildQuality(scene_, quality);
+    rtcSetSceneBuildQuality(scene_, options.quality);
 }
 
-// Embree's fast tests let one ray in a million pass between the triangles of a closed mesh, and one that
-// meets a vertex exactly. Surfaces made of faces are closed: they take the tests that do not.
+// Embree's fast tests let one ray in a million pass between the triangles of a closed mesh, and many of those
+// that are aimed at an edge or a vertex. Surfaces made of faces are closed: they take the tests that do not.
 void EmbreeScene::attach_all(std::span<const Shape *const> shapes, std::uint32_t last) {
     const auto has_faces = [](const Shape *shape) {
         const auto *mesh = shape ? std::get_if<TriangleMesh>(shape) : nullptr;
         return mesh && !mesh->mesh->face_coordinates.empty();
     };
-    if (std::ranges::any_of(shapes, has_faces)) rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
+    if (robust_.value_or(std::ranges::any_of(shapes, has_faces)))
+        rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
     for (std::uint32_t i = 0; i < shapes.size(); ++i) {
         if (!shapes[i]) continue;
         if (const auto *sphere = std::get_if<Sphere>(shapes[i])) spheres_.add(*sphere, i);

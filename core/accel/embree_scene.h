@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <type_traits>
 #include <vector>
@@ -24,6 +25,12 @@ EmbreeDevice new_embree_device(); // throws std::bad_alloc or std::runtime_error
 
 void refuse_errors(RTCDevice device); // throws the same if a function of the device has failed
 
+// How Embree builds its scenes.
+struct BuildOptions {
+    RTCBuildQuality quality;
+    std::optional<bool> robust; // absent: where it has meshes made of faces
+    friend bool operator==(const BuildOptions &, const BuildOptions &) = default;
+};
 RTCBuildQuality build_quality(const SharedVector<Shape> &shapes);
 
 // Whether Embree's geometry for one shape serves for the other too: it refers to arrays, not to the shape.
@@ -55,7 +62,7 @@ struct SphereSet {
 // A scene of Embree, and all that it has the addresses of.
 class EmbreeScene {
 public:
-    EmbreeScene(EmbreeDevice device, RTCBuildQuality quality, SharedVector<Shape> shapes);
+    EmbreeScene(EmbreeDevice device, const BuildOptions &options, SharedVector<Shape> shapes);
     EmbreeScene(const EmbreeScene &) = delete;
     EmbreeScene &operator=(const EmbreeScene &) = delete;
     ~EmbreeScene() { rtcReleaseScene(scene_); }
@@ -71,6 +78,7 @@ private:
     void attach(RTCGeometry geometry, std::uint32_t id);
 
     EmbreeDevice device_;
+    std::optional<bool> robust_;
     SharedVector<Shape> shapes_;
     SphereSet spheres_;
     RTCScene scene_;

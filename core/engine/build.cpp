@@ -98,6 +98,8 @@ SceneParts read_parts(const Dict &description, Origins &origins) {
     check_scene_size(bounds_of(parts));
     parts.film = model_from<Film>(read_dict(description, "film"), "film");
     parts.filter = read_variant<PixelFilter>(description, "rfilter");
+    if (const Value *const robust = description.find("robust"))
+        read_value(*robust, parts.robust.emplace(), "robust");
     return parts;
 }
 

@@ -4,6 +4,20 @@
 
 namespace lajolla {
 
+namespace {
+
+// What exceeds the mean radiance (Karlik et al. 2019, equation 14), but at least a quarter of the radiance:
+// light that no BSDF sample looks for, as of shadow catchers, must be found too.
+std::vector<float> excess(const std::vector<float> &weights, const std::vector<float> &solid_angles,
+                          double mean) {
+    std::vector<float> result(weights.size());
+    for (std::size_t i = 0; i < result.size(); ++i)
+        result[i] = std::max(weights[i] - static_cast<float>(mean) * solid_angles[i], 0.25f * weights[i]);
+    return result;
+}
+
+} // namespace
+
 // The image's first row is at the upper pole, and its last row at the lower one, as in Mitsuba 3, or at
 // theta_max; each column is in the centre of its range of azimuths.
 
@@ -19,8 +33,8 @@ void EnvironmentMap::build() {
     half_texel_ = 0.5f / static_cast<float>(image->width);
     // The corners of a cell are texel centres, so that its weight is zero only if all its values are.
     const std::uint32_t width = image->width, rows = std::max(image->height, 2u) - 1;
-    std::vector<float> weights(static_cast<std::size_t>(width) * rows);
-    double sum = 0;
+    std::vector<float> weights(static_cast<std::size_t>(width) * rows), solid_angles(weights.size());
+    double sum = 0, solid_angle = 0;
     for (std::uint32_t y = 0; y < rows; ++y) {
         const float low = height_ * static_cast<float>(y) / static_cast<float>(rows);
         const float high = height_ * static_cast<float>(y + 1) / static_cast<float>(rows);
@@ -30,12 +44,15 @@ void EnvironmentMap::build() {
             const std::uint32_t right = (x + 1) % width;
             const Spectrum corners = image->texel(x, y) + image->texel(right, y) + image->texel(x, below) +
                                      image->texel(right, below);
-            const float weight = std::max(luminance(corners) / 4, 0.0f) * band;
-            weights[static_cast<std::size_t>(y) * width + x] = weight;
-            sum += weight;
+            const std::size_t cell = static_cast<std::size_t>(y) * width + x;
+            solid_angles[cell] = band;
+            weights[cell] = std::max(luminance(corners) / 4, 0.0f) * band;
+            sum += weights[cell], solid_angle += band;
         }
     }
     mean_radiance_ = static_cast<float>(sum / (2.0 * width));
+    if (sampling == MapSampling::uniform) weights = solid_angles;
+    if (sampling == MapSampling::compensated) weights = excess(weights, solid_angles, sum / solid_angle);
     distribution_ = Distribution2D(weights, width, rows);
 }
 

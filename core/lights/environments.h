@@ -1,6 +1,7 @@
 #pragma once
 // Lights at infinity, which rays without a hit reach. They look the same from every point.
 
+#include <array>
 #include <memory>
 #include <span>
 #include <tuple>
@@ -55,6 +56,11 @@ struct ConstantLight : EnvironmentLight {
     }
 };
 
+// How directions towards an environment map are sampled: by its radiance; mostly by what exceeds the mean
+// radiance, because sampling BSDFs finds the rest (MIS compensation; Karlik et al. 2019); or uniformly.
+enum class MapSampling { radiance, compensated, uniform };
+constexpr auto choices(MapSampling) { return std::array{"radiance", "compensated", "uniform"}; }
+
 struct EnvironmentMap : EnvironmentLight {
     static constexpr const char *name = "envmap";
     static constexpr const char *doc =
@@ -63,6 +69,7 @@ struct EnvironmentMap : EnvironmentLight {
     float theta_max = 180;
     float scale = 1;
     Transform to_world;
+    MapSampling sampling = MapSampling::compensated;
 
     static constexpr auto fields() {
         return std::tuple_cat(
@@ -72,7 +79,9 @@ struct EnvironmentMap : EnvironmentLight {
                            .range(1, 180)
                            .unit("degrees"),
                        field("scale", &EnvironmentMap::scale, "factor on the image").range(0),
-                       field("to_world", &EnvironmentMap::to_world, "orientation in the scene")),
+                       field("to_world", &EnvironmentMap::to_world, "orientation in the scene"),
+                       field("sampling", &EnvironmentMap::sampling,
+                             "of directions: by radiance, mostly by what exceeds the mean, or uniformly")),
             EnvironmentLight::fields());
     }
     void build();
@@ -98,7 +107,7 @@ private:
     Rgb<Float> look_up(const Vec2<Float> &square) const;
 
     Transform to_local_;
-    Distribution2D distribution_; // over cells between texel centres, by luminance and solid angle
+    Distribution2D distribution_; // over cells between texel centres, as `sampling` says
     float mean_radiance_ = 0;
     float half_texel_ = 0; // of the square's width
     float height_ = pi;    // of the image: theta_max in radians

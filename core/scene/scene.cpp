@@ -115,7 +115,7 @@ Scene::Scene(SceneParts parts, const Scene *before) : parts_(std::move(parts)), 
         std::vector<MeshArrays> arrays;
         for (const Shape &shape : parts_.shapes) arrays.push_back(arrays_of(shape));
         meshes_ = std::move(arrays);
-        accel_ = std::make_shared<const Accel>(parts_.shapes, parts_.groups, parts_.instances,
+        accel_ = std::make_shared<const Accel>(parts_.shapes, parts_.groups, parts_.instances, parts_.robust,
                                                before ? before->accel_.get() : nullptr);
         bounding_sphere_ = sphere_around(parts_);
     }

@@ -46,6 +46,7 @@ struct SceneParts {
     std::int32_t camera_medium = -1; // -1 for none
     Film film;
     PixelFilter filter;
+    std::optional<bool> robust;     // ray queries: see Accel
     std::array<double, 3> origin{}; // the origin of these coordinates in the world
 };
 

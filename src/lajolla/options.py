@@ -24,6 +24,7 @@ class Options:
     strategy: str | None = None  # estimators of direct light: "mis", "bsdf" or "light"
     sensor: int | str | None = None  # one of several, by its number from 0 or its id
     hide_emitters: bool | None = None  # lights are invisible to the camera
+    robust: bool | None = None  # no ray passes between neighbouring triangles
     aovs: Sequence[str] = ()  # variables to render beside the picture (lajolla list aov)
 
     def __post_init__(self) -> None:
@@ -31,7 +32,8 @@ class Options:
         for name, value in list(vars(self).items()):
             if name in LIMITS and not (name == "sensor" and isinstance(value, str)):
                 object.__setattr__(self, name, check(name, value))
-        check_flag("hide_emitters", self.hide_emitters)
+        for flag in ("hide_emitters", "robust"):
+            check_flag(flag, getattr(self, flag))
         object.__setattr__(self, "aovs", check_aovs(self.aovs))
         _check_name("sampler", self.sampler, lambda: list(core_schema()["sampler"]))
         integrators = plugins_by_kind()["integrator"]
@@ -51,6 +53,8 @@ def apply_options(core: dict[str, Any], options: Options, light_groups: Sequence
     """
     result = apply_to_view(core, options)
     result["integrator"] = _integrator(core["integrator"], options)
+    if options.robust is not None:
+        result["robust"] = options.robust
     if options.hide_emitters is not None and "other_integrators" in core:
         others = [_hiding(entry, options.hide_emitters) for entry in core["other_integrators"]]
         result["other_integrators"] = others

@@ -51,6 +51,7 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
             strategy=arguments.strategy,
             sensor=arguments.sensor,
             hide_emitters=arguments.hide_emitters,
+            robust=arguments.robust,
             aovs=arguments.aovs,
         )
     if arguments.sensor is None and len(scene.sensors) > 1:

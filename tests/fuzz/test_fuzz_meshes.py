@@ -17,7 +17,7 @@ CORE = FOLDER.parents[1] / "core"
 SANITIZERS = "-fsanitize=fuzzer,address,undefined,float-cast-overflow"
 FLAGS = ["-std=c++20", "-O1", "-g1", SANITIZERS, "-fno-sanitize-recover=all", f"-I{CORE}"]
 NEEDED = "needs clang 16 or newer with libFuzzer (Debian: clang-16 libclang-rt-16-dev)"
-SECONDS = 8
+SECONDS = 4
 # What the readers take, and where their faults of the past are; "inflated" is within "serialized".
 SEEDS = {
     "obj": samples_of("obj"),

@@ -26,12 +26,27 @@ INNER_KINDS = ("adapter", "instance")
 # Properties of all shapes and instances: how the camera sees them. The values are the defaults.
 COMPOSITING = {"visible_to_camera": True, "holdout": False, "shadow_catcher": False}
 
+# The property of a scene by which Embree lets no ray pass between neighbouring triangles; entry "robust".
+ROBUST = "embree_use_robust_intersections"
+
 TEXTURED = ("texture_float", "texture_spectrum")  # types of fields that take textures
 
 # Properties of Mitsuba that cannot change the picture's values here: hints to its samplers, and how and where
 # it writes files, which the command line decides.
 HARMLESS = {
-    "emitter": ("sampling_weight", "mis_compensation", "cache"),
+    "scene": (
+        "kd_intersection_cost",  # this and the rest: how Mitsuba builds trees without Embree, and uses GPUs
+        "kd_traversal_cost",
+        "kd_empty_space_bonus",
+        "kd_stop_prims",
+        "kd_max_depth",
+        "kd_min_max_bins",
+        "kd_clip",
+        "kd_retract_bad_splits",
+        "kd_exact_primitive_threshold",
+        "allow_thread_reordering",
+    ),
+    "emitter": ("sampling_weight", "cache"),
     "bsdf": (
         "sample_visible",
         "specular_sampling_weight",

@@ -21,6 +21,7 @@ OPTIONS = (
     "strategy",
     "sensor",
     "hide_emitters",
+    "robust",
     "spp",
 )
 

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from ..schema import HARMLESS, ROBUST, Field
 from ..syntax.errors import Diagnostics, SceneError, did_you_mean
 from ..syntax.nodes import Node, Property, Rgb, below
 from . import cameras
@@ -35,8 +36,9 @@ def assemble(builder: Builder, scene: Node) -> Entry:
     """
     builder.places["scene"] = scene.location
     for prop in scene.properties:
-        if not isinstance(prop.value, Node):
-            builder.diagnostics.unknown(f'a scene has no property "{prop.name}"', prop.name_location)
+        if not isinstance(prop.value, Node) and prop.name not in (ROBUST, *HARMLESS["scene"]):
+            hint = did_you_mean(prop.name, [ROBUST])
+            builder.diagnostics.unknown(f'a scene has no property "{prop.name}"{hint}', prop.name_location)
     check_size(scene)
     builder.camera = partial(_given_view, builder, scene)
     for _, node in scene.children("shape"):
@@ -73,7 +75,13 @@ def assemble(builder: Builder, scene: Node) -> Entry:
         "instances": builder.instances.stored,
         **view,
         **output,
+        **_ray_queries(builder, scene),
     }
+
+
+def _ray_queries(builder: Builder, scene: Node) -> Entry:
+    prop = scene.find(ROBUST)
+    return {} if prop is None else {"robust": builder.convert(scene, prop, Field(ROBUST, "boolean", ""))}
 
 
 def _chosen(builder: Builder, scene: Node) -> Node | None:

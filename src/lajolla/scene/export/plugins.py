@@ -455,6 +455,9 @@ def _hierarchical_volume(translation: Translation, read: Node, node: Node) -> No
 
 
 def _panorama(translation: Translation, read: Node, node: Node) -> Node | None:
+    sampling = node.find("sampling")
+    if sampling is not None:
+        node = _renamed(node, node.plugin, "sampling", mis_compensation=sampling.value == "compensated")
     return _without(translation, node, "theta_max")
 
 

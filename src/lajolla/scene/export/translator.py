@@ -26,7 +26,7 @@ from ..description.plugins import colours, subdivision
 from ..description.plugins.textures import decode, is_alpha
 from ..formats.images import FLOAT_RGB, Pixels, read_pixels
 from ..formats.ply import ply_bytes
-from ..schema import COMPOSITING, Field
+from ..schema import COMPOSITING, ROBUST, Field
 from ..syntax.files import MissingFile, file_bytes
 from ..syntax.nodes import Node, Property, Rgb, Value, Vector, below
 from .coats import coating
@@ -92,6 +92,8 @@ class Translator:
         for kind in ("integrator", "sensor"):
             if not any(root.children(kind)):
                 result.properties.append(self._described(root, kind, core[kind]))
+        if (robust := root.find(ROBUST)) is not None:
+            result.properties.append(robust)
         around = None
         for prop in _counted(root, _first_camera_first(root)):
             for child in self._values(root, prop, None, {}) if isinstance(prop.value, Node) else ():

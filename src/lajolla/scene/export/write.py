@@ -19,8 +19,8 @@ def scene_text(root: Node) -> str:
     writer.count(root)
     scene = ET.Element("scene", version="3.0.0")
     for prop in root.properties:
-        if isinstance(prop.value, Node):
-            writer.add(scene, "", prop.value, top=scene)
+        name = "" if isinstance(prop.value, Node) else prop.name
+        writer.add(scene, name, prop.value, top=scene)
     ET.indent(scene, "    ")
     return ET.tostring(scene, encoding="unicode") + "\n"
 

@@ -19,6 +19,9 @@ from .textures import ARRAYS, decode, pixels_from_python
 
 
 def _envmap(context: Context, node: Node, values: Values) -> Entry:
+    compensated = values.pop("mis_compensation", None)
+    if compensated is not None:
+        values.setdefault("sampling", "compensated" if compensated else "radiance")
     array = pixels_from_python(node, values)
     if array is not None:
         image = panorama(context, *array, "the panorama", node.location)
@@ -96,6 +99,7 @@ BEAM = (
     Field("power", "spectrum", "of the beam", 1.0, unit="W"),
     Field("irradiance", "spectrum", "of the beam", 1.0),
 )
+COMPENSATION = Field("mis_compensation", "boolean", "Mitsuba's name for sampling: compensated or radiance")
 FILENAME = Field("filename", "string", "a latitude-longitude panorama; y is up")
 
 PLUGINS = (
@@ -103,7 +107,7 @@ PLUGINS = (
         "emitter",
         "envmap",
         "",
-        (FILENAME, *ARRAYS),
+        (FILENAME, *ARRAYS, COMPENSATION),
         _envmap,
         model="envmap",
         hidden=("image",),
