@@ -123,7 +123,14 @@ def _table(fields: Iterable[Mapping[str, Any]]) -> str:
     for field in fields:
         kind = TYPES[field["type"]][0] if field["type"] in TYPES else "from Python"
         default = "" if field["type"] == "phase" else default_text(field).removeprefix("= ")
-        cells = (f"`{field['name']}`", kind, text(default), text(range_text(field)), text(field["doc"]))
+        unit = f" ({field['unit']})" if field["unit"] and field["default"] is None else ""  # else beside it
+        cells = (
+            f"`{field['name']}`",
+            kind,
+            text(default),
+            text(range_text(field)),
+            text(field["doc"] + unit),
+        )
         rows.append("| " + " | ".join(cells) + " |")
     return "{.parameters}\n" + "\n".join(rows)
 
