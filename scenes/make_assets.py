@@ -168,6 +168,16 @@ def shade_profile(samples: int = 12) -> np.ndarray:
     return np.stack([0.75 - 0.32 * t + 0.06 * np.sin(np.pi * t), t], axis=1)
 
 
+def coarse_sphere(segments: int = 16) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """A unit sphere of few faces, with the normals of a true one."""
+    down = np.linspace(np.pi, 0, segments // 2 + 1)
+    columns, faces = revolve(np.stack([np.abs(np.sin(down)), np.cos(down)], axis=1), segments)
+    place = np.stack([columns[axis] for axis in "xyz"], axis=1)
+    edge, other = (place[faces[:, i]] - place[faces[:, 0]] for i in (1, 2))
+    has_area = np.linalg.norm(np.cross(edge, other), axis=1) > 1e-6
+    return {**columns, **{f"n{axis}": columns[axis] for axis in "xyz"}}, faces[has_area]
+
+
 def noise3(rng: np.random.Generator, points: np.ndarray, cells: int) -> np.ndarray:
     """Smooth value noise in [-1, 1] at points (..., 3), with a lattice of `cells` per unit, periodic."""
     lattice = rng.uniform(-1, 1, (cells, cells, cells))
@@ -321,6 +331,7 @@ def main() -> None:
     write_image("studio.exr", studio())
     write_ply("vase.ply", *revolve(vase_profile()))
     write_ply("shade.ply", *revolve(shade_profile(), 32))
+    write_ply("coarse-sphere.ply", *coarse_sphere())
     vertices, faces, creases = knob()
     write_surface("knob.obj", vertices, faces, creases)
     depth = rings(vertices, faces)[..., None]

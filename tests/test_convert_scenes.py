@@ -30,7 +30,7 @@ SLOW = re.compile(
     "|sigmat|area_light|inside_medium|simple|sponza|officebox|interior|volpath_test[56]$|smallpt"
 )
 # What is lost of these does not change the mean.
-HARMLESS = re.compile(r'Mitsuba 3 does not support (sampler "|"gamma" of film)')
+HARMLESS = re.compile(r'Mitsuba 3 does not support (sampler "|"gamma" of film|"terminator" of bsdf)')
 
 
 def scene_files() -> list[Path]:

@@ -17,7 +17,7 @@ TYPES = {
 }  # fmt: skip
 KINDS = {
     "bsdf", "adapter", "texture", "emitter", "shape", "sensor", "film", "rfilter", "sampler", "integrator",
-    "medium", "phase", "volume", "instance",
+    "medium", "phase", "volume", "instance", "material",
 }  # fmt: skip
 MODELS = [(kind, name) for kind, models in SCHEMA.items() for name in models]
 FIELDS = [

@@ -174,6 +174,7 @@ std::shared_ptr<RenderableScene> with_output(const RenderableScene &scene, const
 Dict schema() {
     return {{"bsdf", schema_of_list<Bsdf>()},
             {"adapter", schema_of_list<Adapter>()},
+            {"material", schema_of_list<std::variant<Material>>()},
             {"texture", schema_of_list<TextureModel>()},
             {"emitter", schema_of_list<Light>()},
             {"medium", schema_of_list<Medium>()},

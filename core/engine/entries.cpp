@@ -81,14 +81,9 @@ Adapter read_adapter(const Dict &entry, const SceneParts &parts, std::size_t cou
 }
 
 Material read_material(const Dict &entry, const SceneParts &parts, const std::string &where) {
-    Material material;
-    for (const auto &[name, value] : entry) {
-        if (name != "front" && name != "back")
-            throw DescriptionError(where + ": unknown field '" + name + "' (known: front, back)");
-        MaterialId &side = name == "front" ? material.front : material.back;
-        read_value(value, side, where, ".", name);
-        check_material(side, parts, parts.adapters.size(), where + "." + name);
-    }
+    const auto material = model_from<Material>(entry, where);
+    check_material(material.front, parts, parts.adapters.size(), where + ".front");
+    check_material(material.back, parts, parts.adapters.size(), where + ".back");
     return material;
 }
 

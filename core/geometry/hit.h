@@ -63,6 +63,16 @@ struct RayCone {
     }
 };
 
+// Where rays that are scattered at a hit start, relative to its position, on the front and on the back: on
+// the smooth surface that vertex normals describe, if that is farther out than the triangle there; else zero.
+template <class Float>
+struct Lift {
+    bool present = false; // otherwise the rest is undefined
+    Vec3<Float> front{}, back{};
+
+    static BoolOf<Float> is_raised(const Vec3<Float> &lift) { return !(lift == Vec3<Float>(0)); }
+};
+
 // A vertex of a path on a surface.
 template <class Float>
 struct Hit {
@@ -74,6 +84,7 @@ struct Hit {
     Float distance;       // along the ray that found it
     Float position_error; // maximum distance of the true surface from `position`
     Float mean_curvature; // from shading normals; positive if convex towards the normal's side
+    Lift<Float> lift;
     RayCone<Float> footprint;
     IntOf<Float> shape, primitive;
     IntOf<Float> instance;           // -1 for none
@@ -120,6 +131,24 @@ Vec3<Float> leave(const Hit<Float> &hit, const Vec3<Float> &direction) {
     return hit.position + hit.normal * copysign(hit.position_error, dot(hit.normal, direction));
 }
 
+// The start of a ray that is scattered at a hit.
+template <class Float>
+struct Departure {
+    BoolOf<Float> front; // the side of the hit on which it starts
+    Vec3<Float> vertex;  // the point whose light is gathered
+    Vec3<Float> origin;  // of the ray
+};
+template <class Float>
+Departure<Float> depart(const Hit<Float> &hit, const Vec3<Float> &direction) {
+    return {dot(hit.normal, direction) >= 0.0f, hit.position, leave(hit, direction)};
+}
+// The same on one side of a hit with a lift, whatever the direction.
+template <class Float>
+Departure<Float> depart_lifted(const Hit<Float> &hit, BoolOf<Float> front) {
+    const Vec3<Float> vertex = hit.position + select(front, hit.lift.front, hit.lift.back);
+    return {front, vertex, vertex + hit.normal * select(front, hit.position_error, -hit.position_error)};
+}
+
 // The largest coordinates that entered a position, in units of 32 ulps: intersection and interpolation each
 // lose a few ulps of the coordinates and of the extent of the primitive.
 template <class Float>
@@ -135,6 +164,10 @@ Triple<Tag, float> lane_of(const Triple<Tag, WideFloat> &v, int k) {
 inline Ray<float> lane_of(const Ray<WideFloat> &rays, int k) {
     return {lane_of(rays.origin, k), lane_of(rays.direction, k), rays.near[k], rays.far[k]};
 }
+inline Lift<float> lane_of(const Lift<WideFloat> &lifts, int k) {
+    if (!lifts.present) return {};
+    return {true, lane_of(lifts.front, k), lane_of(lifts.back, k)};
+}
 inline Hit<float> lane_of(const Hit<WideFloat> &hits, int k) {
     return {lane_of(hits.position, k),
             lane_of(hits.normal, k),
@@ -146,6 +179,7 @@ inline Hit<float> lane_of(const Hit<WideFloat> &hits, int k) {
             hits.distance[k],
             hits.position_error[k],
             hits.mean_curvature[k],
+            lane_of(hits.lift, k),
             {hits.footprint.radius[k], hits.footprint.spread[k]},
             hits.shape[k],
             hits.primitive[k],
@@ -172,6 +206,8 @@ inline void set_lane(Hit<WideFloat> &hits, int k, const Hit<float> &hit) {
     hits.uv.x.v[k] = hit.uv.x, hits.uv.y.v[k] = hit.uv.y;
     hits.position_error.v[k] = hit.position_error;
     hits.mean_curvature.v[k] = hit.mean_curvature;
+    if (hits.lift.present)
+        set_lane(hits.lift.front, k, hit.lift.front), set_lane(hits.lift.back, k, hit.lift.back);
 }
 
 } // namespace lajolla

@@ -39,6 +39,10 @@ void Instance::place(Hit<float> &hit) const {
     hit.shading_normal = normalize(to_group.transposed_vector(hit.shading_normal));
     hit.dp_du = to_world.vector(hit.dp_du);
     hit.dp_dv = to_world.vector(hit.dp_dv);
+    if (hit.lift.present) {
+        hit.lift.front = clear_lift(to_world.vector(hit.lift.front), hit.normal, hit.position_error);
+        hit.lift.back = clear_lift(to_world.vector(hit.lift.back), -hit.normal, hit.position_error);
+    }
 
     // Half the trace of the second fundamental form in the metric of the transformed tangents. Only its trace
     // is known, so the form is assumed to be isotropic, as on spheres.

@@ -28,22 +28,33 @@ struct PositionHash {
 
 struct Corner {
     std::uint32_t face;
-    float angle;
+    float weight;
 };
 
 // Of a triangle at its first corner.
 struct CornerShape {
     Vec3f normal; // zero if the area is zero
-    float angle;
+    float weight;
 };
-CornerShape corner_shape(Vec3f edge1, Vec3f edge2) {
+CornerShape corner_shape(Vec3f edge1, Vec3f edge2, NormalWeights weights) {
     const EdgeCross<float> face(edge1, edge2);
-    const float length = sqrt(face.squared);
-    const bool has_area = length > 0 && std::isfinite(length);
-    return {has_area ? face.normal / length : Vec3f(0), atan2(length, dot(face.e1, face.e2))};
+    const float area = sqrt(face.squared); // of the parallelogram, scaled
+    if (!(area > 0 && std::isfinite(area))) return {Vec3f(0), 0};
+    const auto weight = [&] {
+        switch (weights) {
+        case NormalWeights::area: return area / sqr(face.scale);
+        case NormalWeights::max:
+            return area / length_squared(face.e1) / length_squared(face.e2) * sqr(face.scale);
+        case NormalWeights::angle: break;
+        }
+        return atan2(area, dot(face.e1, face.e2));
+    };
+    return {face.normal / area, weight()};
 }
 
+// Weights may be so large or small that the square of their sum is no number.
 Vec3f unit_or_zero(Vec3f v) {
+    v *= unit_scale(max_component(abs(v)));
     const float l = length(v);
     return l > 0 && std::isfinite(l) ? v / l : Vec3f(0);
 }
@@ -110,16 +121,16 @@ Mesh transformed(const Mesh &mesh, const Transform &to_world) {
     return result;
 }
 
-Mesh with_vertex_normals(const Mesh &mesh, const Transform &to_world) {
+Mesh with_vertex_normals(const Mesh &mesh, const Transform &to_world, NormalWeights weights) {
     Mesh result = mesh;
     result.normals.assign(mesh.positions.size(), Vec3f(0));
     for (const Triangle &triangle : mesh.triangles) {
         const auto corner = [&](std::size_t k) { return to_world.point(mesh.positions[triangle[k % 3]]); };
         const auto shape = [&](std::size_t k) {
-            return corner_shape(corner(k + 1) - corner(k), corner(k + 2) - corner(k));
+            return corner_shape(corner(k + 1) - corner(k), corner(k + 2) - corner(k), weights);
         };
         const Vec3f normal = shape(0).normal;
-        for (std::size_t k = 0; k < 3; ++k) result.normals[triangle[k]] += normal * shape(k).angle;
+        for (std::size_t k = 0; k < 3; ++k) result.normals[triangle[k]] += normal * shape(k).weight;
     }
     for (Vec3f &n : result.normals) n = unit_or_zero(to_world.transposed_vector(unit_or_zero(n)));
     return result;
@@ -145,8 +156,9 @@ Mesh with_normals_after_moving(Mesh moved, std::span<const std::uint32_t> points
     for (const Triangle &triangle : moved.triangles)
         for (std::size_t k = 0; k < 3; ++k) {
             const auto corner = [&](std::size_t i) { return moved.positions[triangle[(k + i) % 3]]; };
-            const CornerShape shape = corner_shape(corner(1) - corner(0), corner(2) - corner(0));
-            sums[leader[triangle[k]]] += shape.normal * shape.angle;
+            const CornerShape shape =
+                corner_shape(corner(1) - corner(0), corner(2) - corner(0), NormalWeights::angle);
+            sums[leader[triangle[k]]] += shape.normal * shape.weight;
         }
     for (std::size_t v = 0; v < count; ++v)
         if (const Vec3f n = unit_or_zero(sums[leader[v]]); length_squared(n) > 0) moved.normals[v] = n;
@@ -180,17 +192,17 @@ Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count) {
     return part;
 }
 
-Mesh with_smooth_normals(const Mesh &mesh, float max_angle) {
+Mesh with_smooth_normals(const Mesh &mesh, float max_angle, NormalWeights weights) {
     const std::size_t face_count = mesh.triangles.size();
     std::vector<Vec3f> face_normals(face_count);
     std::unordered_map<Vec3f, std::vector<Corner>, PositionHash> corners_at;
     for (std::uint32_t f = 0; f < face_count; ++f) {
         const auto corner = [&](std::size_t k) { return mesh.positions[mesh.triangles[f][k % 3]]; };
         const auto shape = [&](std::size_t k) {
-            return corner_shape(corner(k + 1) - corner(k), corner(k + 2) - corner(k));
+            return corner_shape(corner(k + 1) - corner(k), corner(k + 2) - corner(k), weights);
         };
         face_normals[f] = shape(0).normal;
-        for (std::size_t k = 0; k < 3; ++k) corners_at[corner(k)].push_back({f, shape(k).angle});
+        for (std::size_t k = 0; k < 3; ++k) corners_at[corner(k)].push_back({f, shape(k).weight});
     }
 
     Mesh result;
@@ -206,7 +218,7 @@ Mesh with_smooth_normals(const Mesh &mesh, float max_angle) {
             Vec3f sum(0);
             for (const Corner &c : corners_at.at(mesh.positions[old]))
                 if (dot(face_normals[c.face], face_normals[f]) >= cos_max)
-                    sum += face_normals[c.face] * c.angle;
+                    sum += face_normals[c.face] * c.weight;
             const Vec3f smooth = unit_or_zero(sum);
             const Vec3f normal = length_squared(smooth) > 0 ? smooth : face_normals[f];
             auto &candidates = made[old];

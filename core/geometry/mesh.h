@@ -53,9 +53,17 @@ void validate(const Mesh &mesh);
 
 Mesh transformed(const Mesh &mesh, const Transform &to_world);
 
-// Vertex normals for a mesh that has none: the mean of adjacent face normals, weighted by the angle at the
-// corner, computed after `to_world`. A later `transformed` with it yields these normals.
-Mesh with_vertex_normals(const Mesh &mesh, const Transform &to_world);
+// How much a face counts in the normal of a vertex: by the angle at its corner (Thürmer and Wüthrich 1998),
+// by its area (Gouraud 1971), or by the sine of the angle over the lengths of both edges, which gives the
+// normal of the sphere if all vertices around are on one (Max 1999, "Weights for Computing Vertex Normals
+// from Facet Normals").
+enum class NormalWeights { angle, area, max };
+constexpr auto choices(NormalWeights) { return std::array{"angle", "area", "max"}; }
+
+// Vertex normals for a mesh that has none: the weighted mean of adjacent face normals, computed after
+// `to_world`. A later `transformed` with it yields these normals.
+Mesh with_vertex_normals(const Mesh &mesh, const Transform &to_world,
+                         NormalWeights weights = NormalWeights::angle);
 
 // The same for a mesh whose vertices moved. Vertices at one of the `points` that had the same normal share
 // one again; the others were on different sides of a hard edge.
@@ -64,9 +72,8 @@ Mesh with_normals_after_moving(Mesh moved, std::span<const std::uint32_t> points
 // A mesh of some consecutive triangles and their vertices.
 Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count);
 
-// Vertex normals weighted by the angle at each corner (Thürmer and Wüthrich 1998; compared with others in Max
-// 1999, "Weights for Computing Vertex Normals from Facet Normals"). Faces whose normals differ by more than
-// `max_angle` (radians) keep a hard edge: their vertices are split.
-Mesh with_smooth_normals(const Mesh &mesh, float max_angle);
+// The same where faces whose normals differ by more than `max_angle` (radians) keep a hard edge: their
+// vertices are split.
+Mesh with_smooth_normals(const Mesh &mesh, float max_angle, NormalWeights weights = NormalWeights::angle);
 
 } // namespace lajolla

@@ -27,6 +27,7 @@ struct TriangleMesh {
     std::shared_ptr<const Mesh> mesh;
     Transform to_world;
     bool face_normals = false, flip_normals = false;
+    NormalWeights normal_weights = NormalWeights::angle; // by which the mesh got its normals, if it had none
     // Data of each triangle for sampling, if the mesh is a light.
     struct LightTriangle {
         Vec3f corner, edge1, edge2, normal;
@@ -42,7 +43,9 @@ struct TriangleMesh {
             field("mesh", &TriangleMesh::mesh, "vertices and triangles"),
             field("to_world", &TriangleMesh::to_world, "placement in the scene"),
             field("face_normals", &TriangleMesh::face_normals, "flat faces: ignore vertex normals"),
-            field("flip_normals", &TriangleMesh::flip_normals, "flip the normals"));
+            field("flip_normals", &TriangleMesh::flip_normals, "flip the normals"),
+            field("normal_weights", &TriangleMesh::normal_weights,
+                  "how faces count in vertex normals that are computed: max is exact on spheres"));
     }
     void build();
     void prepare_sampling();

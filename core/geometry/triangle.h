@@ -10,6 +10,7 @@ struct HitNeeds {
     bool uvs = true;       // uv
     bool tangents = true;  // dp_du, dp_dv
     bool curvature = true; // mean_curvature
+    bool lift = false;     // of materials that have one
 };
 
 template <class Float>
@@ -51,6 +52,26 @@ struct EdgeCross {
     Float area() const { return sqrt(squared) / sqr(scale); }
 };
 
+// The smooth position on one side of a triangle, relative to the flat one: the mean of the projections onto
+// the tangent planes of the vertices (Hanika 2021, "Hacking the Shadow Terminator"), as far as these are
+// farther out. `sign` is 1 for the side of the vertex normals, -1 for the other.
+template <class Float>
+Vec3<Float> smooth_lift(const TriangleCorners<Float> &p, const TriangleNormals<Float> &normals,
+                        const Vec3<Float> &position, Float b0, Float b1, Float b2, float sign) {
+    const auto towards = [&](const Vec3<Float> &corner, const Vec3<Float> &n, Float weight) {
+        return n * (max(dot(corner - position, n) * sign, Float(0)) * weight);
+    };
+    const Vec3<Float> sum =
+        towards(p.a, normals.n0, b0) + towards(p.b, normals.n1, b1) + towards(p.c, normals.n2, b2);
+    return sum * sign;
+}
+
+// The part of a lift on the side of `outwards` that is not lost in the error of the position.
+template <class Float>
+Vec3<Float> clear_lift(const Vec3<Float> &lift, const Vec3<Float> &outwards, Float error) {
+    return select(dot(lift, outwards) > error, lift, Vec3<Float>(0));
+}
+
 // Sets position, normals and the needed derivatives at barycentric coordinates b1, b2. `flipped` reverses the
 // normals.
 template <class Float>
@@ -85,6 +106,16 @@ void fill_triangle(const TriangleCorners<Float> &p, const TriangleNormals<Float>
     hit.normal = select(flipped, -normal, normal);
     hit.shading_normal = select(flipped, -shading, shading);
     hit.mean_curvature = select(flipped, -hit.mean_curvature, hit.mean_curvature);
+    if (hit.lift.present && any(normals.present)) {
+        const auto lift = [&](float sign) {
+            const Vec3<Float> found = smooth_lift(p, normals, hit.position, b0, b1, b2, sign);
+            return select(normals.present, clear_lift(found, normal * sign, hit.position_error),
+                          Vec3<Float>(0));
+        };
+        const Vec3<Float> above = lift(1), below = lift(-1);
+        hit.lift.front = select(flipped, below, above);
+        hit.lift.back = select(flipped, above, below);
+    }
 
     hit.barycentric = {b1, b2};
     if (needs.uvs || needs.tangents) {

@@ -24,12 +24,27 @@ struct MaterialId {
     friend constexpr bool operator==(const MaterialId &, const MaterialId &) = default;
 };
 
+// What is done where vertex normals and triangles disagree about which light reaches a surface
+// (docs/shading-normals.md).
+enum class Terminator { none, hanika, chiang };
+constexpr auto choices(Terminator) { return std::array{"none", "hanika", "chiang"}; }
+
 // One tree for each side. Without a tree for the back, that of the front serves both: its transmissive BSDFs
 // are visible from behind, its others black. A tree of transmissive BSDFs alone never has another for the
 // back.
 struct Material {
+    static constexpr const char *name = "material";
+    static constexpr const char *doc = "What a shape looks like.";
     MaterialId front;
     MaterialId back; // for the back, in a flipped frame
+    Terminator terminator = Terminator::none;
+
+    static constexpr auto fields() {
+        return std::tuple(
+            field("front", &Material::front, "the front"), field("back", &Material::back, "the back"),
+            field("terminator", &Material::terminator,
+                  "shadows on meshes with vertex normals: hanika moves the start of rays, chiang darkens"));
+    }
 };
 
 struct Blend {
@@ -114,6 +129,10 @@ public:
               std::span<const Bsdf> bsdfs);
 
     const Material &operator[](std::int32_t id) const { return materials_[static_cast<std::size_t>(id)]; }
+    // How the material of a hit treats the terminator; -1 for no material.
+    Terminator terminator(std::int32_t id) const {
+        return id < 0 ? Terminator::none : (*this)[id].terminator;
+    }
 
     // Whether light passes straight through any material.
     bool has_null_transmission() const { return has_null_transmission_; }

@@ -12,6 +12,7 @@ struct MappedNormal {
     Vec3<Float> tangent;            // along which u grows; any length, not in n's plane exactly
     BoolOf<Float> mirrored = false; // seen from behind: n is flipped, and u, v and n are left-handed
     bool shadowed = false;          // by bumps
+    bool softened = false;          // the terminator of vertex normals: see terminator_shadowing
 };
 
 // The normal of a surface that is displaced along n, from the displacement's derivatives by u and v. Neglects
@@ -89,6 +90,15 @@ constexpr Float tangent_squared(Float cosine) {
 template <class Float>
 Float bump_shadowing(Float bump, Float light) {
     return 2 / (1 + sqrt(1 + min(0.125f * bump, Float(1)) * light));
+}
+
+// The fraction of light from `wi` that a triangle does not shadow if that is to begin smoothly, for the
+// normal `ng` of the triangle and the interpolated one `n` (Chiang et al. 2019, "Taming the Shadow
+// Terminator").
+template <class Float>
+Float terminator_shadowing(const Vec3<Float> &ng, const Vec3<Float> &n, const Vec3<Float> &wi) {
+    const Float g = dot(ng, wi) / (dot(n, wi) * dot(ng, n));
+    return select(g > 0.0f && g < 1.0f, g * (1 + g * (1 - g)), Float(1));
 }
 
 } // namespace lajolla

@@ -11,18 +11,23 @@ namespace lajolla {
 template <class Float>
 struct ShadingNormal {
     BoolOf<Float> differs = false; // otherwise the rest is undefined
+    BoolOf<Float> lifted = false;  // reflected rays start above the triangle, which may shadow them itself
+    bool softened = false;         // the terminator
     Float bump = 0;                // tan^2 of the rotation of the normal by maps, if it casts shadows
     Vec3<Float> geometric{};       // normal
     Vec3<Float> smooth{};          // normal without maps
 
     // A factor of light scattered between wo and wi: 0 for reflection into the surface, less than 1 if bumps
-    // cast shadows.
-    Float visible(const Vec3<Float> &wo, const Vec3<Float> &wi) const {
-        const auto into_solid = wi.z * wo.z > 0.0f && dot(geometric, wi) * dot(geometric, wo) <= 0.0f;
+    // cast shadows, or before the terminator, which mirrors do not have.
+    Float visible(const Vec3<Float> &wo, const Vec3<Float> &wi, BoolOf<Float> mirror = false) const {
+        const auto reflected = wi.z * wo.z > 0.0f;
+        const auto into_solid = reflected && !lifted && dot(geometric, wi) * dot(geometric, wo) <= 0.0f;
         Float shadowing = 1;
         if (any(differs && bump != 0.0f))
             shadowing =
                 select(bump == 0.0f, Float(1), bump_shadowing(bump, tangent_squared(dot(smooth, wi))));
+        if (softened)
+            shadowing *= select(reflected && !mirror, terminator_shadowing(geometric, smooth, wi), Float(1));
         return select(differs, select(into_solid, Float(0), shadowing), Float(1));
     }
 };
@@ -37,6 +42,20 @@ struct Surface {
     Vec3<Float> wo; // local
     LobeType lobe;
     ShadingNormal<Float> normal;
+    bool transmissive = false;
+    BoolOf<Float> behind = false; // the viewer is on the back of the shape
+
+    // The start of a ray that is scattered at the hit. If the smooth surface is above the triangle on one of
+    // its sides, what is reflected or refracted there starts on it, and the triangle may be in its way. Other
+    // rays start on the side to which they go.
+    Departure<Float> departure(const Hit<Float> &hit, const Vec3<Float> &direction) const {
+        if (!hit.lift.present) return depart(hit, direction);
+        const auto reflected = frame.to_local(direction).z * wo.z > 0.0f;
+        const auto front = (reflected && !behind) || (!reflected && behind);
+        const auto raised = Lift<Float>::is_raised(select(front, hit.lift.front, hit.lift.back));
+        const auto ahead = dot(hit.normal, direction) >= 0.0f;
+        return depart_lifted(hit, (raised && front) || (!raised && ahead));
+    }
 
     // The BSDF times |cos| and the density for light from a direction in world space, for paths that do not
     // pass straight through.
@@ -52,7 +71,7 @@ struct Surface {
     BsdfSample<Float> sample(Float u_lobe, const Vec2<Float> &u) const {
         BsdfSample<Float> result = sample_lobe(u_lobe * scattering_probability, u);
         if (any(normal.differs)) {
-            const Float visible = normal.visible(wo, result.wi);
+            const Float visible = normal.visible(wo, result.wi, delta || result.delta);
             result.weight *= visible;
             result.valid = result.valid && visible != 0.0f;
         }
@@ -77,6 +96,7 @@ struct ShadingFrame {
     BoolOf<Float> black; // the visible side has no BSDF
     Frame<Float> frame;
     ShadingNormal<Float> normal;
+    BoolOf<Float> behind = false; // the viewer is on the back of the shape
 };
 
 // For the viewer `wo` (world space); `turned` if the BSDF is that of the back, whose frame is flipped.
@@ -96,12 +116,15 @@ ShadingFrame<Float> shading_frame(const BsdfTraits &traits, const Hit<Float> &hi
     ShadingFrame<Float> result{seen.behind && !turned && !BoolOf<Float>(traits.transmissive),
                                traits.anisotropic ? frame_along(n, normal.tangent) : frame_around(n),
                                {differs}};
+    result.behind = seen.behind;
     if (any(differs)) {
         result.normal.geometric = result.frame.to_local(hit.normal);
-        if (normal.shadowed) {
+        result.normal.softened = normal.softened;
+        if (normal.shadowed || normal.softened)
             result.normal.smooth = result.frame.to_local(hit.shading_normal);
-            result.normal.bump = tangent_squared(result.normal.smooth.z);
-        }
+        if (normal.shadowed) result.normal.bump = tangent_squared(result.normal.smooth.z);
+        if (hit.lift.present)
+            result.normal.lifted = Lift<Float>::is_raised(select(seen.behind, hit.lift.back, hit.lift.front));
     }
     return result;
 }

@@ -125,14 +125,20 @@ std::shared_ptr<LoadedMesh> changed(const LoadedMesh &mesh, Mesh arrays) {
     return result;
 }
 
-std::shared_ptr<LoadedMesh> smoothed(const LoadedMesh &mesh, float max_angle_degrees) {
-    return changed(mesh, with_smooth_normals(mesh, max_angle_degrees * pi / 180));
+NormalWeights weights_called(nb::handle name) {
+    NormalWeights result{};
+    read_value(name, result, "weights");
+    return result;
 }
 
-std::shared_ptr<LoadedMesh> with_normals(const LoadedMesh &mesh, nb::handle to_world) {
+std::shared_ptr<LoadedMesh> smoothed(const LoadedMesh &mesh, float max_angle_degrees, nb::handle weights) {
+    return changed(mesh, with_smooth_normals(mesh, max_angle_degrees * pi / 180, weights_called(weights)));
+}
+
+std::shared_ptr<LoadedMesh> with_normals(const LoadedMesh &mesh, nb::handle to_world, nb::handle weights) {
     Transform matrix;
     read_value(to_world, matrix, "to_world");
-    const auto result = changed(mesh, with_vertex_normals(mesh, matrix));
+    const auto result = changed(mesh, with_vertex_normals(mesh, matrix, weights_called(weights)));
     result->computed_normals = true;
     return result;
 }
@@ -284,10 +290,12 @@ void bind_meshes(nb::module_ &m) {
         .def_ro("groups", &LoadedMesh::groups,
                 "(material name, first face, number of faces) of an OBJ file's usemtl.")
         .def_ro("material_libraries", &LoadedMesh::material_libraries, "File names of an OBJ file's mtllib.")
-        .def("with_smooth_normals", &smoothed, "max_angle_degrees"_a,
-             "A mesh with angle-weighted vertex normals; edges with a larger angle stay hard.")
-        .def("with_vertex_normals", &with_normals, "to_world"_a,
-             "A mesh with angle-weighted normals at its vertices, as they are in the world.")
+        .def(
+            "with_smooth_normals", &smoothed, "max_angle_degrees"_a, "weights"_a = "angle",
+            "A mesh with vertex normals, in which faces count by their \"angle\", \"area\" or as of \"max\"; "
+            "edges with a larger angle stay hard.")
+        .def("with_vertex_normals", &with_normals, "to_world"_a, "weights"_a = "angle",
+             "A mesh with such normals at its vertices, as they are in the world.")
         .def("part", &part, "first_face"_a, "count"_a, "A mesh of consecutive faces.")
         .def_ro("face_normals", &LoadedMesh::face_normals, "Whether the file asks for flat faces.")
         .def_ro("mended", &LoadedMesh::mended,

@@ -19,6 +19,7 @@ BoundingSphere sphere_around(const SceneParts &parts) {
 
 HitNeeds needs_of(const SceneParts &parts, std::span<const BsdfTraits> traits, bool reads_footprints) {
     HitNeeds needs{!parts.textures.empty(), reads_footprints, reads_footprints};
+    for (const Material &material : parts.materials) needs.lift |= material.terminator == Terminator::hanika;
     for (const BsdfTraits &each : traits) needs.tangents |= each.anisotropic;
     for (const Adapter &adapter : parts.adapters)
         needs.tangents |=
@@ -147,6 +148,7 @@ Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const RayCone<
     hit.emitter = slot.emitter;
     hit.interior = slot.interior;
     hit.exterior = slot.exterior;
+    hit.lift.present = needs.lift && materials_->terminator(slot.material) == Terminator::hanika;
     if (found.instance != RayHit::no_instance) [[unlikely]]
         fill_in_instance(ray, found, needs, hit);
     else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, needs, hit); });
@@ -182,6 +184,12 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     });
     result.material = as_int(slots.x), result.emitter = as_int(slots.y);
     result.interior = as_int(slots.z), result.exterior = as_int(slots.w);
+
+    unsigned lifted = 0;
+    if (needs.lift)
+        for (int k = 0; k < lanes; ++k)
+            if (materials_->terminator(result.material[k]) == Terminator::hanika) lifted |= 1u << k;
+    result.lift.present = lifted != 0;
 
     static constexpr float nothing[4]{};
     const float *positions[3][lanes], *normals[3][lanes], *uvs[3][lanes];
@@ -222,6 +230,10 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     if (with_uvs && (needs.uvs || needs.tangents))
         triangle_uvs = {mask_of(with_uvs), pair(uvs[0]), pair(uvs[1]), pair(uvs[2])};
     fill_triangle(corners, triangle_normals, triangle_uvs, mask_of(flipped), hits.b1, hits.b2, needs, result);
+    if (lifted) {
+        result.lift.front = select(mask_of(lifted), result.lift.front, Vec3<WideFloat>(0));
+        result.lift.back = select(mask_of(lifted), result.lift.back, Vec3<WideFloat>(0));
+    }
 
     if (others)
         for_each_lane(mask_of(others) && active, [&](int k) {
@@ -263,11 +275,12 @@ std::optional<Scene::PlainMaterial> Scene::plain_material(std::int32_t id) const
 }
 
 Scene::Side Scene::side(const Hit<float> &hit, const Vec3f &wo) const {
-    const MappedNormal<float> front{hit.shading_normal, hit.dp_du, false};
+    const bool softened = materials_->terminator(hit.material) == Terminator::chiang;
+    const MappedNormal<float> front{hit.shading_normal, hit.dp_du, false, false, softened};
     if (hit.material < 0) return {{}, false, front};
     const Material &material = (*materials_)[hit.material];
     if (dot(hit.normal, wo) >= 0 || material.back == MaterialId{}) return {material.front, false, front};
-    return {material.back, true, {-hit.shading_normal, hit.dp_du, true}};
+    return {material.back, true, {-hit.shading_normal, hit.dp_du, true, false, softened}};
 }
 
 Scene::Choice Scene::choose(const Hit<float> &hit, const Vec3f &wo, float u) const {
@@ -290,7 +303,7 @@ AnySurface Scene::surface(const Choice &choice, const Hit<float> &hit, const Vec
     const auto &[id, turned, normal] = choice;
     if (id < 0) return {};
     const BsdfTraits &traits = traits_of(id);
-    const auto [black, frame, shading_normal] = shading_frame(traits, hit, wo, normal, turned);
+    const auto [black, frame, shading_normal, behind] = shading_frame(traits, hit, wo, normal, turned);
     if (black) return {};
     const Vec3f local = frame.to_local(wo);
     AnySurface result{false,
@@ -299,7 +312,9 @@ AnySurface Scene::surface(const Choice &choice, const Hit<float> &hit, const Vec
                       frame,
                       local,
                       prepare(parts_.bsdfs[static_cast<std::size_t>(id)], bsdf_reader(traits, hit, wo)),
-                      shading_normal};
+                      shading_normal,
+                      traits.transmissive,
+                      behind};
     result.delta = result.delta || roughness(result.lobe) < least_roughness();
     if (traits.null_transmission)
         result.scattering_probability = 1 - lajolla::null_transmission(result.lobe, local).probability;

@@ -73,7 +73,7 @@ inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hi
     const BsdfSample<float> sample = surface.sample(u.lobe, u.bsdf_uv);
     if (!sample.valid) return Spectrum(0);
     Path::Walk<Vacuum> walk{{}, {}, Spectrum(0), groups};
-    Path::scatter(scene, hit, sample, surface.delta, walk.path);
+    Path::scatter(scene, hit, surface.departure(hit, sample.wi), sample, surface.delta, walk.path);
     walk.path.pdf *= directions_per_light();
     walk.path.u_event = u.event;
     follow(scene, tracer, tracer.closest(walk.path.ray), walk, [](const Hit<float> &) {});
@@ -81,9 +81,11 @@ inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hi
 }
 
 inline Spectrum Direct::scattered_at(const Scene &scene, Tracer &tracer, const Sampler &sampler,
-                                     const PathState<float> &path, const Hit<float> &hit,
+                                     const PathState<float> &path, const Hit<float> &found,
                                      const LightGroups &groups) const {
     const Vec3f wo = -path.ray.direction;
+    Hit<float> hit = found;
+    lower_lift(tracer, true, hit);
     const AnySurface chosen = scene.surface(hit, wo, path.u_event);
     const auto number = [&](int i) { return sampler.bounce(static_cast<std::uint32_t>(i)); };
     const float light_share = 1 / static_cast<float>(std::max(emitter_samples, 1)),
@@ -92,9 +94,11 @@ inline Spectrum Direct::scattered_at(const Scene &scene, Tracer &tracer, const S
     scene.for_each_surface(hit, wo, chosen, [&](const AnySurface &surface, float share) {
         if (surface.black || surface.delta) return;
         for (int i = 1; i <= emitter_samples; ++i)
-            lights += share * path_.direct_light(scene, tracer, SurfaceVertex{hit, surface}, number(i),
-                                                 Vacuum(), groups.times(Spectrum(share * light_share)),
-                                                 directions_per_light());
+            for_each_vertex(hit, surface, [&](const auto &vertex) {
+                lights += share * path_.direct_light(scene, tracer, vertex, number(i), Vacuum(),
+                                                     groups.times(Spectrum(share * light_share)),
+                                                     directions_per_light());
+            });
     });
     for (int i = 1; i <= bsdf_samples && !chosen.black; ++i)
         directions +=

@@ -77,8 +77,9 @@ bool Features::follows(const Scene &scene, const Sampler &sampler, const Hit<flo
         path.throughput = Spectrum(0);
         return false;
     }
-    Path::scatter(scene, hit, sample, surface.delta, path);
-    walk.medium.cross(hit, path.ray.direction);
+    const Departure<float> start = surface.departure(hit, sample.wi);
+    Path::scatter(scene, hit, start, sample, surface.delta, path);
+    walk.medium.cross(hit, sample.wi, start);
     path.u_event = u.event;
     path.block += 1;
     walk.medium.next_flight(sampler, static_cast<std::uint32_t>(path.block));

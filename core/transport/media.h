@@ -94,6 +94,7 @@ struct Vacuum {
     void next_flight(const Sampler &, std::uint32_t) {}
     const Vacuum &for_shadow_ray(const Sampler &, std::uint32_t) const { return *this; }
     void cross(const Hit<float> &, const Vec3f &) {}
+    void cross(const Hit<float> &, const Vec3f &, const Departure<float> &) {}
     Flight fly(const Scene &, const Ray<float> &, const std::optional<RayHit> &, float &) { return {}; }
     void attenuate(const Scene &, const Ray<float> &, Transmittance &) {}
     float path_pdf(const Transmittance &light) const { return light.path_pdf; }
@@ -140,6 +141,13 @@ public:
             current = dot(hit.normal, direction) > 0 ? hit.exterior : hit.interior;
         if (current >= 0) near_.emplace(hit, direction);
         else near_.reset();
+    }
+    // The same for a ray that is scattered there. On a smooth surface above the triangle, the medium begins
+    // with the ray.
+    void cross(const Hit<float> &hit, const Vec3f &direction, const Departure<float> &start) {
+        if (start.vertex == hit.position) return cross(hit, direction);
+        cross(hit, start.front ? hit.normal : -hit.normal);
+        near_.reset();
     }
 
     // Samples a flight up to the hit of a path's ray. Consumes the uniform number `u`, and replaces it by one

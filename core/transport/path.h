@@ -134,14 +134,14 @@ struct Path {
     // Continues a path from a surface in a sampled direction. Refraction does not change L / eta^2 (Veach
     // 1997, section 5.2).
     template <class Float>
-    static void scatter(const Scene &scene, const Hit<Float> &hit, const BsdfSample<Float> &sample,
-                        BoolOf<Float> delta, PathState<Float> &path) {
+    static void scatter(const Scene &scene, const Hit<Float> &hit, const Departure<Float> &start,
+                        const BsdfSample<Float> &sample, BoolOf<Float> delta, PathState<Float> &path) {
         path.throughput = path.throughput * sample.weight * (1 / sqr(sample.eta));
         path.eta *= sample.eta;
-        path.from = hit.position;
+        path.from = start.vertex;
         path.pdf = sample.pdf;
         path.delta = delta || sample.delta;
-        path.ray = {leave(hit, sample.wi), sample.wi};
+        path.ray = {start.origin, sample.wi};
         if (scene.reads_footprints())
             path.cone = hit.footprint.scattered(hit.mean_curvature, sample.width, sample.eta);
         path.depth += 1;
@@ -295,7 +295,7 @@ Spectrum Path::direct_light(const Scene &scene, Tracer &tracer, const Vertex &ve
                             float directions) const {
     if (scene.lights().empty()) return Spectrum(0);
     const DirectSample<float> light = scene.lights().sample_direct(vertex.position(), u.light, u.light_uv);
-    if (!counts(light)) return Spectrum(0);
+    if (!counts(light) || !vertex.gathers(light.wi)) return Spectrum(0);
     const BsdfEval<float> f = vertex.eval(light.wi);
     if (is_black(f.f_cos)) return Spectrum(0);
     const auto arriving = transmittance(scene, tracer, vertex, light, medium);
@@ -352,19 +352,22 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
     const Vec3f wo = -path.ray.direction;
     const AnySurface surface = scene.surface(hit, wo, path.u_event);
     scene.for_each_surface(hit, wo, surface, [&](const AnySurface &each, float share) {
-        if (!each.black && !each.delta && !walk.from_catcher)
+        if (each.black || each.delta || walk.from_catcher) return;
+        for_each_vertex(hit, each, [&](const auto &vertex) {
             walk.radiance +=
                 path.throughput * share *
-                direct_light(scene, tracer, SurfaceVertex{hit, each}, u,
+                direct_light(scene, tracer, vertex, u,
                              walk.medium.for_shadow_ray(sampler, static_cast<std::uint32_t>(path.block)),
                              walk.groups.times(path.throughput * share));
+        });
     });
     if (surface.black) return false;
 
     const BsdfSample<float> sample = surface.sample(u.lobe, u.bsdf_uv);
     if (!sample.valid) return false;
-    scatter(scene, hit, sample, surface.delta, path);
-    walk.medium.cross(hit, path.ray.direction);
+    const Departure<float> start = surface.departure(hit, sample.wi);
+    scatter(scene, hit, start, sample, surface.delta, path);
+    walk.medium.cross(hit, sample.wi, start);
     return true;
 }
 
@@ -407,12 +410,12 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
         leave_scene(scene, walk);
         return false;
     }
-    const Hit<float> hit =
-        flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.cone, scene.needs());
+    Hit<float> hit = flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.cone, scene.needs());
     const Outcome outcome = meet(scene, hit, walk);
     walk.from_catcher = outcome == Outcome::catcher || (walk.from_catcher && outcome == Outcome::passed);
     if (outcome != Outcome::stopped && outcome != Outcome::catcher) return outcome == Outcome::passed;
     if (path.depth == max_depth || !surfaces_scatter) return false;
+    lower_lift(tracer, true, hit);
     if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return false;
     if (!is_finite(path.throughput)) [[unlikely]] {
         walk.radiance = path.throughput; // the caller counts it

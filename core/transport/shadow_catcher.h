@@ -39,15 +39,17 @@ CaughtLight caught_light(const Scene &scene, Tracer &tracer, const Sampler &samp
 
     Path by_lights;
     by_lights.strategy = Strategy::light;
-    const auto &[found, hit, u_event] = *seen.surface;
+    const auto &[found, seen_hit, u_event] = *seen.surface;
+    Hit<float> hit = seen_hit;
+    lower_lift(tracer, true, hit);
     const Vec3f wo = -primary.camera().ray.direction;
     const BounceSample<float> u = sampler.bounce(1);
-    const DirectSample<float> light = scene.lights().sample_direct(hit.position, u.light, u.light_uv);
-    if (!by_lights.counts(light)) return result;
-    scene.for_each_surface(
-        hit, wo, scene.surface(hit, wo, u_event), [&](const AnySurface &each, float share) {
-            if (each.black || each.delta) return;
-            const SurfaceVertex vertex{hit, each};
+    const auto add = [&](const AnySurface &each, float share) {
+        if (each.black || each.delta) return;
+        for_each_vertex(hit, each, [&](const auto &vertex) {
+            const DirectSample<float> light =
+                scene.lights().sample_direct(vertex.position(), u.light, u.light_uv);
+            if (!by_lights.counts(light) || !vertex.gathers(light.wi)) return;
             const Spectrum value = share * by_lights.direct(light, vertex.eval(light.wi), 1.0f);
             if (is_black(value)) return;
             result.unshadowed += luminance(value * transmittance_in_photograph(scene, tracer, vertex, light));
@@ -55,6 +57,8 @@ CaughtLight caught_light(const Scene &scene, Tracer &tracer, const Sampler &samp
                 transmittance(scene, tracer, vertex, light, medium.for_shadow_ray(sampler, 1));
             if (arriving) result.shadowed += luminance(value * arriving->value());
         });
+    };
+    scene.for_each_surface(hit, wo, scene.surface(hit, wo, u_event), add);
     return result;
 }
 

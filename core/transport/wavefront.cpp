@@ -21,7 +21,8 @@ Wavefront::Wavefront(const Scene &scene, const Path &integrator)
     : scene_(scene), integrator_(integrator), light_group_count_(scene.light_group_count()),
       group_sizes_(scene.parts().materials.size() + 3), samplers_(most_samples), paths_(capacity + lanes),
       next_(capacity + lanes), hits_(capacity + lanes), shapes_(capacity + lanes),
-      instances_(capacity + lanes), shadow_rays_(Materials::most_lit_leaves * capacity + lanes),
+      instances_(capacity + lanes),
+      shadow_rays_((scene.needs().lift ? 2 : 1) * Materials::most_lit_leaves * capacity + lanes),
       order_(capacity + lanes), group_of_path_(capacity + lanes) {
     const auto is_wide = [&](MaterialId root) {
         bool wide = true;
@@ -281,6 +282,7 @@ void Wavefront::scatter(const Group &group, Tracer &tracer) {
     const auto plain = scene_.plain_material(group.material);
     if (!plain) return scatter_tree(scene_.materials()[group.material], paths, tracer);
     const auto [front, back] = *plain;
+    const bool softened = scene_.materials().terminator(group.material) == Terminator::chiang;
     const auto with = [&](std::int32_t bsdf, Sides sides) {
         if (bsdf < 0) {
             if (sides != Sides::back_only) gather_emission(paths);
@@ -288,7 +290,7 @@ void Wavefront::scatter(const Group &group, Tracer &tracer) {
         }
         match(scene_.parts().bsdfs[static_cast<std::size_t>(bsdf)], [&](const auto &model) {
             if constexpr (IsWide<std::decay_t<decltype(model)>>)
-                scatter(model, scene_.traits_of(bsdf), sides, paths, tracer);
+                scatter(model, scene_.traits_of(bsdf), sides, softened, paths, tracer);
         });
     };
     if (back < 0) return with(front, Sides::front);
@@ -379,12 +381,12 @@ BounceSample<WideFloat> Wavefront::numbers(const Packet &packet, const PathState
 // Light that the lanes' samples send to their surfaces: along shadow rays, which are traced later; or at
 // once, where surfaces may let some of it pass, and then one ray after the other that meets such a surface.
 void Wavefront::add_direct_light(const Vertex &vertex, const DirectSample<WideFloat> &light,
-                                 const BsdfEval<WideFloat> &bsdf, WideFloat share, WideBool lit,
-                                 Tracer &tracer) {
+                                 const BsdfEval<WideFloat> &bsdf, const Vec3<WideFloat> &origin,
+                                 WideFloat share, WideBool lit, Tracer &tracer) {
     const Hit<WideFloat> &hit = vertex.hit;
     const Rgb<WideFloat> throughput = vertex.path.throughput * share;
     const Rgb<WideFloat> value = throughput * integrator_.direct(light, bsdf, WideFloat(1));
-    const Ray<WideFloat> ray = shadow_ray(leave(hit, light.wi), hit.position_error, light);
+    const Ray<WideFloat> ray = shadow_ray(origin, hit.position_error, light);
     const auto lights = [&] { return scene_.lights().picked(vertex.u.light); };
     if (!scene_.has_null_transmission())
         return append(ray, value, group_light_.empty() ? WideInt(0) : lights(), vertex.packet, lit);
@@ -405,13 +407,26 @@ void Wavefront::add_direct_light(const Vertex &vertex, const DirectSample<WideFl
     });
 }
 
+template <class LobeType>
+void Wavefront::sample_light(const Vertex &vertex, const Surface<WideFloat, LobeType> &surface,
+                             WideFloat share, WideBool active, Tracer &tracer) {
+    for_each_vertex(vertex.hit, surface, [&](const auto &at) {
+        const DirectSample<WideFloat> light =
+            scene_.lights().sample_direct(at.position(), vertex.u.light, vertex.u.light_uv);
+        const BsdfEval<WideFloat> f = surface.eval(light.wi);
+        const WideBool lit =
+            active && integrator_.counts(light) && at.gathers(light.wi) && !is_black(f.f_cos);
+        if (any(lit)) add_direct_light(vertex, light, f, at.leave(light.wi), share, lit, tracer);
+    });
+}
+
 template <class Model>
 [[gnu::noinline]] void Wavefront::scatter_at(const Vertex &vertex, const Model &model,
                                              const BsdfTraits &traits, const MappedNormal<WideFloat> &normal,
                                              WideBool turned, WideBool active, WideFloat share, Task task,
                                              Tracer &tracer) {
     const auto &[packet, incoming, hit, wo, u] = vertex;
-    const auto [black, frame, shading_normal] = shading_frame(traits, hit, wo, normal, turned);
+    const auto [black, frame, shading_normal, behind] = shading_frame(traits, hit, wo, normal, turned);
     active = active && !black;
     if (!any(active)) return;
     Surface<WideFloat, LobeOf<Model, WideFloat>> surface{
@@ -421,25 +436,22 @@ template <class Model>
         frame,
         frame.to_local(wo),
         prepare_lobe<WideFloat>(model, scene_.bsdf_reader(traits, hit, wo)),
-        shading_normal};
+        shading_normal,
+        traits.transmissive,
+        behind};
     surface.delta = surface.delta || WideFloat(surface.lobe.roughness()) < scene_.least_roughness();
     if constexpr (requires { surface.lobe.null_transmission(wo); })
         surface.scattering_probability = 1 - surface.lobe.null_transmission(surface.wo).probability;
 
     const WideBool lightable = active && !surface.delta;
-    if (task != Task::sample_direction && !scene_.lights().empty() && any(lightable)) {
-        const DirectSample<WideFloat> light =
-            scene_.lights().sample_direct(hit.position, u.light, u.light_uv);
-        const BsdfEval<WideFloat> f = surface.eval(light.wi);
-        const WideBool lit = lightable && integrator_.counts(light) && !is_black(f.f_cos);
-        if (any(lit)) add_direct_light(vertex, light, f, share, lit, tracer);
-    }
+    if (task != Task::sample_direction && !scene_.lights().empty() && any(lightable))
+        sample_light(vertex, surface, share, lightable, tracer);
     if (task == Task::sample_light) return;
 
     const BsdfSample<WideFloat> sample = surface.sample(u.lobe, u.bsdf_uv);
     WideBool goes_on = active && sample.valid;
     PathState<WideFloat> path = incoming;
-    Path::scatter(scene_, hit, sample, surface.delta, path);
+    Path::scatter(scene_, hit, surface.departure(hit, sample.wi), sample, surface.delta, path);
     const WideBool broken = goes_on && !is_finite(path.throughput);
     if (any(broken)) // whoever takes the sample counts it
         for_each_lane(broken, [&](int k) {
@@ -460,10 +472,11 @@ void Wavefront::scatter_at(const Vertex &vertex, std::int32_t bsdf, const Mapped
 
 template <class Model>
 [[gnu::noinline]] void Wavefront::scatter(const Model &model, const BsdfTraits &traits, Sides sides,
-                                          std::span<const std::int32_t> paths, Tracer &tracer) {
+                                          bool softened, std::span<const std::int32_t> paths,
+                                          Tracer &tracer) {
     for_each_packet(paths, [&](const Packet &packet) {
         const PathState<WideFloat> path = load(packet);
-        const Hit<WideFloat> hit =
+        Hit<WideFloat> hit =
             scene_.hit(path.ray, load_hits(packet), packet.active, path.cone, scene_.needs());
         if (sides != Sides::back_only) add_emission(path, hit, packet);
 
@@ -473,9 +486,11 @@ template <class Model>
         if (sides == Sides::front_only) active = active && !turned;
         if (sides == Sides::back_only) active = active && turned;
         if (!any(active)) return;
+        lower_lift(tracer, active, hit);
         const Vec3<WideFloat> normal = select(turned, -hit.shading_normal, hit.shading_normal);
-        scatter_at({packet, path, hit, wo, numbers(packet, path)}, model, traits, {normal, hit.dp_du, turned},
-                   turned, active, 1, Task::both, tracer);
+        const MappedNormal<WideFloat> unmapped{normal, hit.dp_du, turned, false, softened};
+        scatter_at({packet, path, hit, wo, numbers(packet, path)}, model, traits, unmapped, turned, active, 1,
+                   Task::both, tracer);
     });
 }
 
@@ -483,7 +498,7 @@ void Wavefront::scatter_tree(const Material &material, std::span<const std::int3
     const Materials &materials = scene_.materials();
     for_each_packet(paths, [&](const Packet &packet) {
         const PathState<WideFloat> path = load(packet);
-        const Hit<WideFloat> hit =
+        Hit<WideFloat> hit =
             scene_.hit(path.ray, load_hits(packet), packet.active, path.cone, scene_.needs());
         add_emission(path, hit, packet);
 
@@ -494,7 +509,8 @@ void Wavefront::scatter_tree(const Material &material, std::span<const std::int3
         const auto scatter_side = [&](MaterialId root, WideBool turned, WideBool active) {
             if (!any(active)) return;
             const MappedNormal<WideFloat> normal{select(turned, -hit.shading_normal, hit.shading_normal),
-                                                 hit.dp_du, turned};
+                                                 hit.dp_du, turned, false,
+                                                 material.terminator == Terminator::chiang};
             WideFloat u = path.u_event;
             if (materials.has_null_transmission(root)) {
                 const auto through = materials.null_transmission(root, read, hit, wo, normal);
@@ -507,6 +523,7 @@ void Wavefront::scatter_tree(const Material &material, std::span<const std::int3
             }
             active = active && path.depth != integrator_.max_depth;
             if (!any(active)) return;
+            lower_lift(tracer, active, hit);
             const bool each_leaf = materials.is_small_blend(root);
             if (each_leaf)
                 materials.for_each_leaf(root, read, hit, wo, normal, WideFloat(1),

@@ -64,7 +64,7 @@ private:
     // The hits that a BSDF scatters: all of them, or those on one side.
     enum class Sides { front, both, front_only, back_only };
     template <class Model>
-    void scatter(const Model &model, const BsdfTraits &traits, Sides sides,
+    void scatter(const Model &model, const BsdfTraits &traits, Sides sides, bool softened,
                  std::span<const std::int32_t> paths, Tracer &tracer);
     // The same for a material that is a tree: blends, masks and maps around BSDFs.
     void scatter_tree(const Material &material, std::span<const std::int32_t> paths, Tracer &tracer);
@@ -111,7 +111,11 @@ private:
 
     void add_emission(const PathState<WideFloat> &path, const Hit<WideFloat> &hit, const Packet &packet);
     void add_direct_light(const Vertex &vertex, const DirectSample<WideFloat> &light,
-                          const BsdfEval<WideFloat> &bsdf, WideFloat share, WideBool lit, Tracer &tracer);
+                          const BsdfEval<WideFloat> &bsdf, const Vec3<WideFloat> &origin, WideFloat share,
+                          WideBool lit, Tracer &tracer);
+    template <class LobeType>
+    void sample_light(const Vertex &vertex, const Surface<WideFloat, LobeType> &surface, WideFloat share,
+                      WideBool active, Tracer &tracer);
     BounceSample<WideFloat> numbers(const Packet &packet, const PathState<WideFloat> &path) const;
 
     const Scene &scene_;

@@ -22,8 +22,8 @@ def catalog() -> Catalog:
     }
     for kind, models in plugins().items():
         merged.setdefault(kind, {}).update(models)
-    emitters = plugins_by_kind()["emitter"].values()  # with their common property
-    merged["emitter"] = {plugin.name: plugin.described() for plugin in emitters}
+    for kind in ("bsdf", "emitter"):  # with their common properties
+        merged[kind] = {plugin.name: plugin.described() for plugin in plugins_by_kind()[kind].values()}
     del merged["film"]["film"]  # the common part of the films, which scenes cannot name
     merged["aov"] = {name: {"doc": variable.doc, "fields": []} for name, variable in AOVS.items()}
     return merged

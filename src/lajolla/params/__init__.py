@@ -25,13 +25,14 @@ from lajolla.params.objects import (
     NO_OBJECTS,
     Lists,
     SceneObject,
+    entry_name,
     names_by_use,
     objects_of,
 )
 from lajolla.params.values import WITH_OBJECTS, fixed, mesh_array, mesh_names, readable
 from lajolla.scene import Description, Objects, Places, SceneError, plugins_by_kind, reason_of
 from lajolla.scene.formats.mesh_arrays import ATTRIBUTES, OTHER_NAMES
-from lajolla.scene.schema import Field
+from lajolla.scene.schema import Field, terminator_field
 
 __all__ = ["Info", "ParamError", "Params", "SceneObject"]
 
@@ -220,6 +221,8 @@ class Params(Mapping[str, Any]):
                 edits.set_size(found, value, path)
             elif param == "bsdf" and found.kind == "shape":
                 edits.set_bsdf(found, value, path)
+            elif param == TERMINATOR:
+                edits.set_terminator(found, value, path)
             elif param in SPECIAL:
                 edits.set_medium(found, param, value, path)
             elif param in found.fields:
@@ -287,6 +290,8 @@ class Params(Mapping[str, Any]):
             yield from ("interior", "exterior") if self._lists.core.get("media") else ()
         elif found.kind == "sensor" and self._lists.core.get("media"):
             yield "medium"
+        elif self._slot(found) is not None:
+            yield TERMINATOR
 
     def _entry(self, found: SceneObject) -> Mapping[str, Any]:
         entry = self._lists.entry(found.entry)
@@ -294,9 +299,24 @@ class Params(Mapping[str, Any]):
             entry = entry[inner]
         return entry
 
+    def _slot(self, found: SceneObject) -> Mapping[str, Any] | None:
+        """The first material whose outermost bsdf or adapter on the front is this object; None if none is."""
+        if found.kind not in ("bsdf", "adapter") or found.inner:
+            return None
+        index = self._lists.outermost.get(found.entry)
+        if found.owner:
+            own = self._lists.entry(found.owner).get("material", -1)
+            is_front = own >= 0 and entry_name(self._lists.entry(f"materials[{own}]")["front"]) == found.entry
+            index = own if is_front else None
+        return None if index is None else self._lists.entry(f"materials[{index}]")
+
     def _special(self, found: SceneObject, entry: Mapping[str, Any], param: str) -> Any:  # noqa: ANN401
         if param == "size":
             return (entry["width"], entry["height"])
+        if param == TERMINATOR:
+            slot = self._slot(found)
+            assert slot is not None
+            return slot.get(TERMINATOR, "none")
         if param != "bsdf":
             return self._name("media", entry.get(param, -1))
         if entry.get("material", -1) < 0:
@@ -335,8 +355,10 @@ MOST_SHOWN = 1000
 MOST_COMPARED = 10000  # objects whose paths are compared with an unknown one
 MOST_LISTED = 12
 GROWING = ("textures", *MATERIALS)  # lists to which changes may add entries
-SPECIAL = ("size", "bsdf", "interior", "exterior", "medium")
+TERMINATOR = "terminator"  # of the materials whose outermost bsdf an object is
+SPECIAL = ("size", "bsdf", "interior", "exterior", "medium", TERMINATOR)
 OTHERS = {
+    TERMINATOR: terminator_field(),
     "size": Field("size", "size", "width and height in pixels; the whole film is rendered"),
     "bsdf": Field("bsdf", "bsdf", "name of the bsdf that the shape looks like"),
     "interior": Field("interior", "medium", "name of the medium inside"),

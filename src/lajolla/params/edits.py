@@ -25,7 +25,7 @@ from lajolla.params.textures import (
 from lajolla.params.values import WITH_OBJECTS, placed, with_arrays
 from lajolla.scene import Objects, SceneError, SceneWarning
 from lajolla.scene.editing import Editor
-from lajolla.scene.schema import COMPOSITING, TEXTURED, Field
+from lajolla.scene.schema import COMPOSITING, TEXTURED, Field, terminator_field
 from lajolla.scene.syntax.transforms import turns_over
 
 # Entries are changed before those that refer to them.
@@ -49,7 +49,8 @@ class Edits:
         """
         self._lists = lists
         self._objects = objects
-        self._editor = Editor(lists.core.get("textures", ()), two_sided=known.two_sided)
+        textures = lists.core.get("textures", ())
+        self._editor = Editor(textures, two_sided=known.two_sided, terminator=known.terminator)
         self._known = known
         self._loaded = loaded
         self._entries: dict[str, dict[str, Any]] = {}
@@ -204,10 +205,19 @@ class Edits:
                 f'"{value}" has other sides on several shapes; name one of them: {", ".join(names[:12])}'
             )
             raise SceneError(message, self._editor.location(path))
-        return self._materials.slot(front, -1)
+        return self._materials.slot(front, -1, self._known.terminator)
 
-    def _spare(self, value: object) -> tuple[Material, Material] | None:
-        """The sides of a bsdf of the scene that no shape uses yet; None if it is none."""
+    def set_terminator(self, found: SceneObject, value: object, path: str) -> None:
+        """Changes what the materials do whose outermost bsdf this is.
+
+        Raises:
+            SceneError: the value is none of the choices.
+        """
+        given = self._editor.value("material", "material", terminator_field(), value, path)
+        self._materials.set_terminator(found, given)
+
+    def _spare(self, value: object) -> tuple[Material, Material, str] | None:
+        """The sides of a bsdf of the scene that no shape uses yet, and its terminator; None if it is none."""
         if not isinstance(value, str) or value in self._objects or value not in self._known.spare:
             return None
         self._refers = True
@@ -298,10 +308,10 @@ class Edits:
         path, arrays = self._arrays.get(name, (self._paths.get(name, name), {}))
         try:
             if arrays:
-                entry["mesh"] = with_arrays(entry["mesh"], arrays, _matrix(before), _matrix(entry))
+                entry["mesh"] = with_arrays(entry["mesh"], arrays, before, entry)
             touched = self._touched.get(name, set())
             smooth = "face_normals" in touched and not entry["face_normals"] and "normals" not in arrays
-            entry["mesh"] = placed(entry["mesh"], _matrix(before), _matrix(entry), smooth=smooth)
+            entry["mesh"] = placed(entry["mesh"], before, entry, smooth=smooth)
         except (TypeError, ValueError) as problem:
             reason = str(problem).partition("\n")[0]
             raise SceneError(reason, self._editor.location(path)) from None

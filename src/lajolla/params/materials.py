@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias
 
-from lajolla.params.objects import MATERIALS, Entry, Lists, SceneObject, place_of
+from lajolla.params.objects import MATERIALS, Entry, Lists, SceneObject, entry_name, place_of
 from lajolla.scene import Objects, SceneError
 from lajolla.scene.editing import Made
 
@@ -76,7 +76,7 @@ class Materials:
         before = self.entry(found.owner)
         if where == "shapes":
             slot = self.entry(f"materials[{before['material']}]")
-            material = self.slot(copied(slot["front"]), copied(slot["back"]))
+            material = self.slot(copied(slot["front"]), copied(slot["back"]), terminator_of(slot))
             after: dict[str, Any] = {**before, "material": material}
         else:
             after = {k: copied(v) if k in INSIDE else v for k, v in before.items()}
@@ -86,13 +86,17 @@ class Materials:
         copied(reference(found.entry))  # where nothing refers to it any more
         self._entries[found.owner] = after
 
-    def slot(self, front: Material, back: Material, preferred: int = -1) -> int:
+    def slot(self, front: Material, back: Material, terminator: str) -> int:
         """The index of the material slot with these sides; a new one if there is none."""
-        sides = {"front": front, "back": back}
-        found = [index for index in self.slots_of(front) if self.entry(f"materials[{index}]") == sides]
-        if found:
-            return preferred if preferred in found else found[0]
-        return place_of(self._add("materials", sides))[1]
+        slot = with_terminator({"front": front, "back": back}, terminator)
+        found = [i for i in self.slots_of(front) if self.entry(f"materials[{i}]") == slot]
+        return found[0] if found else place_of(self._add("materials", slot))[1]
+
+    def set_terminator(self, found: SceneObject, value: str) -> None:
+        """Changes what is done at the terminator, wherever a bsdf or an adapter is the outermost one."""
+        for index in self.slots_of(reference(found.entry)):
+            name = f"materials[{index}]"
+            self._entries[name] = with_terminator(self.entry(name), value)
 
     def slots_of(self, front: Material) -> list[int]:
         """The indices of the material slots with this bsdf or adapter on the front."""
@@ -102,8 +106,8 @@ class Materials:
     def _changed(self, where: str) -> Iterator[tuple[int, Entry]]:
         return ((place_of(k)[1], v) for k, v in self._entries.items() if k.startswith(f"{where}["))
 
-    def make(self, made: Made) -> tuple[Material, Material]:
-        """Adds new bsdfs and adapters; those of the front and of the back."""
+    def make(self, made: Made) -> tuple[Material, Material, str]:
+        """Adds new bsdfs and adapters; those of the front and of the back, and the terminator."""
         at: dict[str, str] = {}
 
         def placed(material: Material) -> Material:
@@ -115,7 +119,7 @@ class Materials:
             at[name] = self._add(name.partition("[")[0], content)
         self.ids |= {at[name]: own for name, own in made.ids.items()}
         self.plugins |= {at[name]: own for name, own in made.plugins.items()}
-        return placed(made.front), placed(made.back)
+        return placed(made.front), placed(made.back), made.terminator
 
     def drop(self, *paths: str) -> None:
         """Notes that materials are replaced: their names and those of their parts are free, but for ids."""
@@ -159,11 +163,15 @@ class Materials:
         return sorted(added - kept)
 
 
-def entry_name(material: Material) -> str:
-    """The name of the entry; "" for black."""
-    if isinstance(material, Mapping):
-        return f"adapters[{material['adapter']}]"
-    return f"bsdfs[{int(material)}]" if material >= 0 else ""
+def terminator_of(slot: Entry) -> str:
+    """What a material slot does at the terminator."""
+    return str(slot.get("terminator", "none"))
+
+
+def with_terminator(slot: Entry, terminator: str) -> dict[str, Any]:
+    """The same material slot, as the reader writes it, with this terminator."""
+    said = {} if terminator == "none" else {"terminator": terminator}
+    return {"front": slot["front"], "back": slot["back"], **said}
 
 
 def reference(entry: str) -> Material:

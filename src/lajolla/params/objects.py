@@ -113,6 +113,17 @@ class Lists:
                 found += range(first, first + rows_in(entry))
         return found
 
+    @cached_property
+    def outermost(self) -> Mapping[str, int]:
+        """The first material with each bsdf or adapter on the front, by the names of their entries."""
+        found: dict[str, int] = {}
+        for first, entry in zip(self.firsts("materials").tolist(), self.core["materials"], strict=False):
+            fronts = entry["front"]
+            rows = fronts.__getstate__()[0].tolist() if hasattr(fronts, "row") else [fronts]
+            for row, front in enumerate(rows):
+                found.setdefault(entry_name(front), first + row)
+        return found
+
     def entry(self, name: str) -> Entry:
         """The entry of a name."""
         where, index = place_of(name)
@@ -122,6 +133,13 @@ class Lists:
         at, row = self.stored(where, index)
         stored = self.core[where][at]
         return {k: v.row(row) if hasattr(v, "row") else v for k, v in stored.items()}
+
+
+def entry_name(material: int | Mapping[str, int]) -> str:
+    """The name of the entry of a bsdf or an adapter; "" for black."""
+    if isinstance(material, Mapping):
+        return f"adapters[{material['adapter']}]"
+    return f"bsdfs[{int(material)}]" if material >= 0 else ""
 
 
 def rows_in(entry: Entry) -> int:

@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from lajolla import _core
 from lajolla.colour import decode_srgb
-from lajolla.scene.description.plugins.meshes import frame_of_normals
+from lajolla.scene.description.plugins.meshes import WEIGHTS, frame_of_normals
 from lajolla.scene.formats.mesh_arrays import MESH_ARRAYS, mesh_of, with_unit_normals
 
 Values: TypeAlias = npt.NDArray[Any]
+Entry: TypeAlias = Mapping[str, Any]  # of a description
 
 NUMBERS = ("spectrum", "vector", "transform", "floats", "matrix")
 WITH_OBJECTS = ("texture_float", "texture_spectrum", "volume_float", "volume_spectrum", "volume_matrix")
@@ -63,7 +64,7 @@ def mesh_names(mesh: _core.Mesh) -> list[str]:
     return [*MESH_ARRAYS, *mesh.attributes]
 
 
-def with_arrays(mesh: _core.Mesh, arrays: Mapping[str, Any], before: Values, after: Values) -> _core.Mesh:
+def with_arrays(mesh: _core.Mesh, arrays: Mapping[str, Any], before: Entry, after: Entry) -> _core.Mesh:
     """A mesh with other arrays.
 
     Vertex normals are computed again, as they are for files without normals, if positions or triangles
@@ -72,7 +73,7 @@ def with_arrays(mesh: _core.Mesh, arrays: Mapping[str, Any], before: Values, aft
     Args:
         mesh: has the other arrays.
         arrays: by the names of `mesh_names`, or those of new attributes; None removes.
-        before, after: how the mesh was placed and will be.
+        before, after: the mesh's shape: how it was placed and will be.
 
     Raises:
         ValueError: shapes of the arrays do not fit together.
@@ -88,12 +89,13 @@ def with_arrays(mesh: _core.Mesh, arrays: Mapping[str, Any], before: Values, aft
     return made if "normals" in arrays or not is_smoothed(mesh, before) else _smoothed(made, before)
 
 
-def placed(mesh: _core.Mesh, before: Values, after: Values, *, smooth: bool) -> _core.Mesh:
-    """A mesh whose computed normals are those that it would have if it was loaded with another placement.
+def placed(mesh: _core.Mesh, before: Entry, after: Entry, *, smooth: bool) -> _core.Mesh:
+    """A mesh whose computed normals are those that it would have if it was loaded with another placement, or
+    with other weights.
 
     Args:
         mesh: as it is before.
-        before, after: its placements.
+        before, after: its shape.
         smooth: computes normals if it has none.
 
     Raises:
@@ -101,22 +103,30 @@ def placed(mesh: _core.Mesh, before: Values, after: Values, *, smooth: bool) -> 
     """
     if mesh.normals is None:
         return _smoothed(mesh, after) if smooth else mesh
-    same = np.array_equal(frame_of_normals(before), frame_of_normals(after))
+    same = np.array_equal(_frame(before), _frame(after)) and _weights(before) == _weights(after)
     if same or not mesh.computed_normals or is_smoothed(mesh, after):
         return mesh
     if not is_smoothed(mesh, before):
         reason = "its vertex normals continue in other shapes of its file"
-        raise ValueError(f"{reason}; load the scene with this to_world")
+        raise ValueError(f"{reason}; load the scene with this value")
     return _smoothed(mesh, after)
 
 
-def _smoothed(mesh: _core.Mesh, to_world: Values) -> _core.Mesh:
-    return mesh.with_vertex_normals(frame_of_normals(to_world).tolist())
+def _frame(shape: Entry) -> Values:
+    return frame_of_normals(shape.get("to_world", np.eye(4)))
 
 
-def is_smoothed(mesh: _core.Mesh, to_world: Values) -> bool:
-    """Whether its normals are computed, from its own triangles alone."""
+def _weights(shape: Entry) -> str:
+    return str(shape.get(WEIGHTS, "angle"))
+
+
+def _smoothed(mesh: _core.Mesh, shape: Entry) -> _core.Mesh:
+    return mesh.with_vertex_normals(_frame(shape).tolist(), _weights(shape))
+
+
+def is_smoothed(mesh: _core.Mesh, shape: Entry) -> bool:
+    """Whether its normals are computed as its shape says, from its own triangles alone."""
     if not mesh.computed_normals or mesh.normals is None:
         return False
-    again = _smoothed(mesh, to_world).normals
+    again = _smoothed(mesh, shape).normals
     return again is not None and np.array_equal(again, mesh.normals, equal_nan=True)

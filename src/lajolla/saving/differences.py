@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from lajolla.params.materials import terminator_of
 from lajolla.params.objects import (
     KINDS,
     MATERIAL,
@@ -111,6 +112,8 @@ class Comparison:
         a, b = self.first.entry(f"materials[{x}]"), self.second.entry(f"materials[{y}]")
         for side in ("front", "back"):
             yield from self._material(a[side], b[side], f"{name}.bsdf")
+        if terminator_of(a) != terminator_of(b):
+            yield f"{self.names.get(material_entry(a['front']), f'{name}.bsdf')}.terminator"
 
     def _material(self, x: Any, y: Any, path: str) -> Iterator[str]:  # noqa: ANN401
         if x == -1 or y == -1 or isinstance(x, Mapping) != isinstance(y, Mapping):

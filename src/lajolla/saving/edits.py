@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from lajolla.params import Params
+from lajolla.params import TERMINATOR, Params
 from lajolla.params.objects import KINDS as LISTS
 from lajolla.params.objects import MATERIAL, SINGLE, Entry, Lists, SceneObject, names_by_entry, place_of
 from lajolla.params.values import WITH_OBJECTS
+from lajolla.saving import terminators
 from lajolla.saving.differences import MEDIA, whole_window
 from lajolla.saving.file_names import keep_files, plain_name, relative_to
 from lajolla.saving.texts import ElementText, SourceText, Span
@@ -36,7 +37,7 @@ from lajolla.scene.versions.upgrade import current_name
 OF_VIEW = ("sensor", "film", "rfilter", "sampler")  # what each sensor has of its own
 FILES = ("filename", "raw", "gamma", "channel")  # properties that say what a file holds
 KIND_IN_FILES = {"adapter": "bsdf", "instance": "shape"}
-KEPT = ("lightgroup",)  # a property that no field of the core's models replaces
+KEPT = ("lightgroup", TERMINATOR)  # properties that no fields of the core's models replace
 PLACES = {"first": 0, "second": 1, "child": 0, "bsdf": 0}  # of bsdfs among those inside of another object
 RELATIVE = {"conductor": {"ext_eta": 1.0}, "roughconductor": {"ext_eta": 1.0}}  # eta and k are divided by it
 
@@ -125,7 +126,11 @@ class SceneEdits:
         """The objects of the file that differ."""
         yield from self._of_views()
         lists = self.old_lists
-        same = {where for where in LISTS if self.read.core.get(where) is self.now.core.get(where)}
+        same = {
+            where for where in (*LISTS, "materials") if self.read.core.get(where) is self.now.core.get(where)
+        }
+        if "materials" not in same:  # they have properties of the outermost bsdfs and adapters
+            same -= {"bsdfs", "adapters"}
         replaced: list[str] = []  # materials that are written as a whole, with their parts
         for name, found in self.before.objects.items():
             after = self.params.objects.get(name)
@@ -141,6 +146,8 @@ class SceneEdits:
             )
             differing = [f.name for f in found.fields.values() if self._differs(f, old, new, name)]
             differing += self._of_shape(found, old, new)
+            if terminators.has_changed(found, self.before, self.params):
+                differing.append(TERMINATOR)
             if differing:
                 yield Changed(after, new, self._places(found), differing)
 
@@ -305,6 +312,10 @@ class SceneEdits:
 
     def _put(self, element: ElementText, changed: Changed, name: str, instead: tuple[str, ...]) -> None:
         found, entry = changed.found, changed.entry
+        if name == TERMINATOR:
+            place = Location(element.source, element.span.start)
+            terminators.put(self._text(place), element, self.params[f"{found.name}.{name}"])
+            return
         if name in MEDIA:
             self._put_medium(element, entry.get(name, -1), name)
             return
@@ -312,7 +323,7 @@ class SceneEdits:
             material = self.lists.entry(f"materials[{entry['material']}]")
             is_new = self.params[f"{found.name}.bsdf"] not in self.before.objects
             if is_new or self._has_other_models(found):
-                new = self.values.sides(material["front"], material["back"])
+                new = self.values.sides(material)
             else:
                 new = self.values.reference("bsdf", material_entry(material["front"]), "")
             self._put_bsdf(element, name, new)
@@ -371,7 +382,7 @@ class SceneEdits:
                 element.added += self.values.field(found, declared, entry)
         for name, number in RELATIVE.get(found.model, {}).items():
             element.added.append(ET.Element("float", name=name, value=repr(number)))
-        for name in {"bsdf", *MEDIA} & {*changed.names}:
+        for name in {"bsdf", TERMINATOR, *MEDIA} & {*changed.names}:
             self._put(element, changed, name, (name,))
 
     def _lights_at(self, element: ElementText) -> list[SceneObject]:

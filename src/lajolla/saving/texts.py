@@ -144,6 +144,15 @@ class SourceText:
             self.elements[place.start] = ElementText(self.source, place.start)
         return self.elements[place.start]
 
+    def around(self, plugin: str, is_inside: Callable[[Span], bool]) -> Iterator[ElementText]:
+        """The objects of a plugin that have such a child, to be changed."""
+        waiting = [span_at(self.source.data, self.root)]
+        while waiting:
+            span = waiting.pop()
+            waiting += span.children
+            if span.attributes.get("type") == plugin and any(map(is_inside, span.children)):
+                yield self.element(Location(self.source, span.start))
+
     def text(self) -> bytes:
         """The whole text with all changes, in UTF-8."""
         data = self.source.data

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from lajolla import _core
+from lajolla.params.materials import terminator_of
 from lajolla.params.objects import KINDS, MATERIAL, Entry, Lists, SceneObject, place_of
 from lajolla.params.textures import is_texture, unclamped
 from lajolla.params.values import is_smoothed, mesh_array, mesh_names
@@ -73,7 +74,7 @@ class Values:
             raise NotWritten(f"there is no file format for {declared.type} made in memory")
         if declared.type == "mesh":
             # The reader computes the same ones, and replaces those of files that have no length.
-            computed = is_smoothed(value, entry.get("to_world", np.eye(4)))
+            computed = is_smoothed(value, entry)
             return [_constant("filename", self.file(".ply", ply_bytes(value, normals=not computed)))]
         if declared.type == "image":
             return self._image(found, value)
@@ -112,14 +113,17 @@ class Values:
                 element.extend(self.field(found, declared, entry))
         return element
 
-    def sides(self, front: Any, back: Any) -> ET.Element:  # noqa: ANN401
+    def sides(self, slot: Entry) -> ET.Element:
         """The material of a shape."""
-        one = self.material(material_entry(front))
-        if back == -1:
-            return one
-        both = ET.Element("bsdf", type="twosided")
-        both.extend([one] if back == front else [one, self.material(material_entry(back))])
-        return both
+        front, back = slot["front"], slot["back"]
+        result = self.material(material_entry(front))
+        if back != -1:
+            sides = [result] if back == front else [result, self.material(material_entry(back))]
+            result = ET.Element("bsdf", type="twosided")
+            result.extend(sides)
+        if result.tag != "ref" and terminator_of(slot) != "none":  # else it is that of the object of the file
+            result.append(_constant("terminator", terminator_of(slot)))
+        return result
 
     def _object(self, declared: Field, value: Any) -> ET.Element:  # noqa: ANN401
         """What a field refers to: an object of the file, or a texture that was added."""

@@ -350,6 +350,7 @@ def _describe(tree: Tree, builder: Builder) -> Description:
     builder.objects.mirrored = tree.root.unsaid.mirrored
     builder.objects.exchanges = tree.root.unsaid.exchanged
     builder.objects.two_sided = builder.two_sided
+    builder.objects.terminator = builder.terminator
     builder.objects.spare = _unused_bsdfs(tree, builder)
     return Description(
         core,

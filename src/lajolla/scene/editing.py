@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -14,14 +14,14 @@ from lajolla import _core
 from .description.bounds import bounds_of
 from .description.builder import Builder, plugins_by_kind
 from .description.entries import Entries
-from .description.plugin import BLACK, AdapterId, Entry, MaterialId, Use
+from .description.plugin import AdapterId, Entry, MaterialId, Use
 from .description.plugins.emitters import panorama
 from .description.plugins.textures import bitmap_image, pixels_from_python
 from .description.plugins.volumes import grid_values
 from .description.substitutes import SUBSTITUTES
 from .description.values import clamp_texture, convert, in_range_of
 from .schema import TEXTURED, Field
-from .syntax.dict_reader import give_back_lost_light, value_from_python
+from .syntax.dict_reader import OF_DICTS, give_back_lost_light, value_from_python
 from .syntax.errors import Blame, Diagnostics, Location, SceneError, SceneWarning, Source
 from .syntax.nodes import Node, Property
 from .syntax.resolve import resolve
@@ -38,14 +38,23 @@ class Made:
     plugins: Mapping[str, str]
     front: int | Mapping[str, int]
     back: int | Mapping[str, int]
+    terminator: str
 
 
 class Editor:
     """Converts values for entries of a description; textures given as dicts are added to its list."""
 
-    def __init__(self, textures: Sequence[Entry], name: str = "params", *, two_sided: bool = False) -> None:
+    def __init__(
+        self,
+        textures: Sequence[Entry],
+        name: str = "params",
+        *,
+        two_sided: bool = False,
+        terminator: str = "none",
+    ) -> None:
         self._textures = textures
         self._two_sided = two_sided
+        self._terminator = terminator
         self._source = Source(name, b"", Path.cwd())
         self._seeded: Builder | None = None
 
@@ -114,8 +123,8 @@ class Editor:
             slot = builder.slot(node)
             if slot is None:
                 raise SceneError(f"there is no {node}", location)
-            if self._two_sided and slot.back == BLACK and not builder.lets_light_through(slot.front):
-                slot = replace(slot, back=slot.front)
+            builder.terminator = self._terminator if isinstance(given, Node) else OF_DICTS.terminator
+            slot = builder.finished(slot)
         entries = {f"{where}[{i}]": e for where in ADDED for i, e in enumerate(getattr(builder, where))}
         known = builder.objects
         ids = {name: own for name, own in known.ids.items() if name in entries}
@@ -123,7 +132,8 @@ class Editor:
         for where in ADDED:
             setattr(builder, where, Entries())
         builder.transmissive, builder.indices, builder.materials_of = [], {}, {}
-        return Made(entries, ids, plugins, _reference(slot.front), _reference(slot.back))
+        builder.terminators = {}
+        return Made(entries, ids, plugins, _reference(slot.front), _reference(slot.back), slot.terminator)
 
     def _bsdf_node(self, given: Mapping[str, Any], path: str) -> Node:
         prop = self._property("bsdf", given, path)
@@ -140,7 +150,7 @@ class Editor:
     @property
     def _builder(self) -> Builder:
         if self._seeded is None:
-            self._seeded = Builder(Diagnostics(), [Path.cwd()])
+            self._seeded = Builder(Diagnostics(), [Path.cwd()], two_sided=self._two_sided)
             for entry in self._textures:
                 self._seeded.textures.add(entry)
                 self._seeded.lookups.append(1)

@@ -21,7 +21,7 @@ CHILDREN = {
 }
 
 # Kinds of models of the core that scene files know as bsdfs and shapes.
-INNER_KINDS = ("adapter", "instance")
+INNER_KINDS = ("adapter", "instance", "material")
 
 # Properties of all shapes and instances: how the camera sees them. The values are the defaults.
 COMPOSITING = {"visible_to_camera": True, "holdout": False, "shadow_catcher": False}
@@ -132,3 +132,10 @@ def fields_of(schema: Schema, kind: str, name: str) -> tuple[Field, ...]:
     known = Field.__dataclass_fields__
     fields = ({key: value for key, value in field.items() if key in known} for field in model["fields"])
     return tuple(Field(**{**field, "choices": tuple(field["choices"] or ())}) for field in fields)
+
+
+@cache
+def terminator_field() -> Field:
+    """The property that every bsdf has: what the material of a shape takes from its outermost one."""
+    fields = fields_of(core_schema(), "material", "material")
+    return next(field for field in fields if field.name == "terminator")

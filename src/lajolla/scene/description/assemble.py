@@ -20,7 +20,7 @@ from .inside import is_inside
 from .instances import add_instance, check_size, plain_group
 from .mapping import check_textures
 from .outputs import description_of, repeated
-from .plugin import BLACK, Entry, FilmPart, Part, Slot
+from .plugin import Entry, FilmPart, Part, Slot
 from .runs import add_run
 
 ENVIRONMENTS = ("envmap", "constant", "sky", "sunsky")
@@ -35,6 +35,7 @@ def assemble(builder: Builder, scene: Node) -> Entry:
         SceneError: something cannot be built, or there is no sensor.
     """
     builder.places["scene"] = scene.location
+    builder.terminator = scene.unsaid.terminator
     for prop in scene.properties:
         if not isinstance(prop.value, Node) and prop.name not in (ROBUST, *HARMLESS["scene"]):
             hint = did_you_mean(prop.name, [ROBUST])
@@ -349,9 +350,6 @@ def _material(builder: Builder, shape: Node, bsdf: Node | None, *, emits: bool) 
     if slot is None:
         slot = builder.slot(_default_bsdf(shape, emits=emits))
     assert slot is not None
-    opaque = not builder.lets_light_through(slot.front)
-    if builder.two_sided and opaque and slot.back == BLACK:
-        return replace(slot, back=slot.front)
     return slot
 
 

@@ -13,7 +13,16 @@ from lajolla import _core
 from lajolla.film import Film
 from lajolla.picture_files import Budget
 
-from ..schema import CHILDREN, HARMLESS, INNER_KINDS, TEXTURED, Field, core_schema, fields_of
+from ..schema import (
+    CHILDREN,
+    HARMLESS,
+    INNER_KINDS,
+    TEXTURED,
+    Field,
+    core_schema,
+    fields_of,
+    terminator_field,
+)
 from ..syntax.errors import Blame, Diagnostics, Location, SceneError, did_you_mean
 from ..syntax.files import MissingFile, find_file
 from ..syntax.nodes import Node, Property
@@ -49,6 +58,7 @@ MOST_LOOKUPS = 1024  # that one texture may take
 # A property of all emitters.
 LIGHTGROUP = Field("lightgroup", "string", "name of the group of lights that it is in, for a layer", "")
 REST = "rest"  # the layer of lights without a group
+TERMINATOR = "terminator"  # a property of all bsdfs
 MOST_LIGHT_GROUPS = 256  # as in the core
 
 # Lists of the description whose entries other entries name by index.
@@ -91,14 +101,15 @@ def plugins_by_kind() -> Mapping[str, Mapping[str, Plugin]]:
         table.setdefault(plugin.kind, Plugins()).makers[plugin.name.lower()] = partial(
             plugin.with_model, schema
         )
-    emitters = table["emitter"].makers
-    emitters.update({name: partial(_in_light_group, make) for name, make in emitters.items()})
+    for kind, common in (("emitter", LIGHTGROUP), ("bsdf", terminator_field())):
+        makers = table[kind].makers
+        makers.update({name: partial(_having, make, common) for name, make in makers.items()})
     return table
 
 
-def _in_light_group(make: Callable[[], Plugin]) -> Plugin:
+def _having(make: Callable[[], Plugin], field: Field) -> Plugin:
     plugin = make()
-    return replace(plugin, fields=(*plugin.fields, LIGHTGROUP))
+    return replace(plugin, fields=(*plugin.fields, field))
 
 
 def _of_model(kind: str, name: str) -> Plugin:
@@ -158,6 +169,8 @@ class Builder:
     layers: tuple[Layer, ...] = ()  # what the film says of integrators in `multichannel`
     uses: dict[Node, Built] = field(default_factory=dict)  # of textures and volumes
     materials_of: dict[Node, Slot | None] = field(default_factory=dict)  # bsdfs
+    terminators: dict[Node, str] = field(default_factory=dict)  # of bsdfs that set theirs
+    terminator: str = "none"  # of others
     branches: dict[Node, str] = field(default_factory=dict)  # of bsdfs without an id in others, but the first
     indices_of: dict[Node, int] = field(default_factory=dict)  # phase functions and media
     indices: dict[str, int] = field(default_factory=dict)  # of bsdfs and adapters by what they are
@@ -253,6 +266,8 @@ class Builder:
                 with Blame(node.location, node):
                     values = self.values(known, plugin)
                     group = values.pop(LIGHTGROUP.name, "") if known.kind == "emitter" else ""
+                    if known.kind == "bsdf" and (terminator := values.pop(TERMINATOR, "")):
+                        self.terminators[node] = terminator
                     result = plugin.build(self, known, dict(values) if self.kept is not None else values)
                     if group:
                         self._set_light_group(known, group, result)
@@ -404,8 +419,26 @@ class Builder:
                 self.objects.inherit(node, (child for _, child in node.children("bsdf")))
             result = self.construct(node)
             slot = Slot(self.add_once("bsdfs", result, node)) if isinstance(result, dict) else result
+            if isinstance(slot, Slot):
+                slot = replace(slot, terminator=self._terminator(node))
             self.materials_of[node] = cast("Slot | None", slot)
         return self.materials_of[node]
+
+    def _terminator(self, node: Node) -> str:
+        """What a bsdf says of the terminator, or those inside it together; "" for nothing.
+
+        Raises:
+            SceneError: they do not agree.
+        """
+        if node in self.terminators:
+            return self.terminators[node]
+        slots = [slot for _, child in node.children("bsdf") if (slot := self.slot(child)) is not None]
+        said = sorted({slot.terminator for slot in slots if slot.terminator})
+        if len(said) > 1:
+            both = " and ".join(f'"{each}"' for each in said)
+            message = f"the bsdfs inside {node} have the terminators {both}; {node} itself can say which"
+            raise SceneError(message, node.location)
+        return said[0] if said else ""
 
     def entry(self, where: str, index: int) -> Entry:
         """An entry of one of the description's lists."""
@@ -487,15 +520,27 @@ class Builder:
 
     def add_material(self, slot: Slot, shape: Node) -> int:
         """The index of a shape's material slot; the same one is not added twice."""
+        slot = self.finished(slot)
         if slot not in self.slots:
-            entry = {"front": _described(slot.front), "back": _described(slot.back)}
-            self.slots[slot] = self.add("materials", entry, shape)
+            self.slots[slot] = self.add("materials", slot_entry(slot), shape)
         return self.slots[slot]
+
+    def finished(self, slot: Slot) -> Slot:
+        """A slot with what it leaves open: of opaque materials the back, and the terminator."""
+        if self.two_sided and slot.back == BLACK and not self.lets_light_through(slot.front):
+            slot = replace(slot, back=slot.front)
+        return replace(slot, terminator=slot.terminator or self.terminator)
 
 
 def _entry(result: Built) -> Entry:
     assert isinstance(result, dict)  # all else is for other kinds of plugins
     return result
+
+
+def slot_entry(slot: Slot) -> Entry:
+    """The entry of a finished slot."""
+    said = {} if slot.terminator == "none" else {TERMINATOR: slot.terminator}
+    return {"front": _described(slot.front), "back": _described(slot.back), **said}
 
 
 def _described(material: MaterialId) -> int | dict[str, int]:

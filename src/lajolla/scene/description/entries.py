@@ -77,6 +77,7 @@ class Objects:
     mirrored: bool = True  # as in `Unsaid`
     exchanges: bool = True  # `exchanged` of `Unsaid`
     two_sided: bool = False  # opaque materials are the same on the back
+    terminator: str = "none"  # of materials that do not set it
     spare: Mapping[str, Node] = field(default_factory=dict)  # bsdfs by their ids that no shape uses
     exchanged: set[str] = field(
         default_factory=set

@@ -40,10 +40,11 @@ MaterialId: TypeAlias = int | AdapterId  # the index of a bsdf, an adapter, or B
 
 @dataclass(frozen=True)
 class Slot:
-    """A material slot: the materials of the front and of the back."""
+    """A material slot: the materials of the front and of the back, and what is done at the terminator."""
 
     front: MaterialId
     back: MaterialId = BLACK
+    terminator: str = ""  # none is said
 
 
 @dataclass(frozen=True)

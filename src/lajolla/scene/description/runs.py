@@ -15,7 +15,7 @@ from ..schema import HARMLESS
 from ..syntax.errors import Diagnostics, SceneError
 from ..syntax.members import Irregular
 from ..syntax.nodes import Array, Column, Node, Property, Rgb, below
-from .builder import Builder
+from .builder import TERMINATOR, Builder, slot_entry
 from .instances import unusual
 from .plugin import BLACK, Plugin, Slot, is_child
 from .values import convert, convert_column
@@ -189,6 +189,7 @@ def _copy(node: Node, index: int) -> Node:
 def _own_materials(builder: Builder, bsdf: Node, plugin: Plugin) -> Column:
     """The materials of shapes with a bsdf each, which differ only in numbers."""
     entry = _entry(builder, bsdf, plugin)
+    terminator = entry.pop(TERMINATOR, "")
     columns = {name: value.rows.tolist() for name, value in entry.items() if isinstance(value, Column)}
     with _irregular_if_reported(builder):
         if _core.transmissive(_stored(builder, entry)):
@@ -209,7 +210,7 @@ def _own_materials(builder: Builder, bsdf: Node, plugin: Plugin) -> Column:
         rows = {n: Column(v.rows[kept]) for n, v in entry.items() if isinstance(v, Column)}
         add_columns(builder, "bsdfs", {**entry, **rows}, bsdf, kept)
         builder.transmissive += [False] * len(kept)
-    return _slots(builder, bsdf, indices)
+    return _slots(builder, bsdf, indices, terminator)
 
 
 def _stored(builder: Builder, entry: dict[str, Any]) -> dict[str, Any]:
@@ -220,19 +221,19 @@ def _stored(builder: Builder, entry: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _slots(builder: Builder, bsdf: Node, fronts: list[int]) -> Column:
+def _slots(builder: Builder, bsdf: Node, fronts: list[int], terminator: str) -> Column:
     """The indices of the material slots with these opaque bsdfs."""
     kept: list[int] = []
     indices = []
     for i, front in enumerate(fronts):
-        slot = Slot(front, front if builder.two_sided else BLACK)
+        slot = builder.finished(Slot(front, BLACK, terminator))
         if slot not in builder.slots:
             builder.slots[slot] = len(builder.materials) + len(kept)
             kept.append(i)
         indices.append(builder.slots[slot])
     if kept:
         seen = Column(np.array([fronts[i] for i in kept], np.int64))
-        entry = {"front": seen, "back": seen if builder.two_sided else BLACK}
+        entry = {**slot_entry(slot), "front": seen, "back": seen if builder.two_sided else BLACK}
         add_columns(builder, "materials", entry, bsdf, kept)
     return Column(np.array(indices, np.int64))
 

@@ -45,9 +45,9 @@ from .plugins import (
 )
 
 # Properties of ours that only say how to find what is written already.
-READING = ("collapse", "load_materials", "max_smooth_angle", "srgb", *subdivision.NAMES)
+READING = ("collapse", "load_materials", "max_smooth_angle", "normal_weights", "srgb", *subdivision.NAMES)
 # Those that Mitsuba 3 does not have, with their defaults.
-OURS = {"multiscatter": False, **COMPOSITING}
+OURS = {"multiscatter": False, "terminator": "none", **COMPOSITING}
 ENVIRONMENTS = ("constant", "envmap", "sunsky")
 # Kinds of children of which one counts; of bsdfs in pairs two.
 COUNTED = {"scene": ("integrator",), "sensor": ("film", "sampler", "medium"), "film": ("rfilter",)}
@@ -332,7 +332,9 @@ class Translator:
         if node.plugin in ("obj", "ply", "serialized"):
             indexed = node.plugin == "obj" and node.find("shape_index") is not None
             divided = getattr(node.find("subdivision"), "value", False) is True
-            if self.pack_all or indexed or divided or node.find("max_smooth_angle") is not None:
+            weights = getattr(node.find("normal_weights"), "value", "angle")
+            smoothed = node.find("max_smooth_angle") is not None or weights != "angle"
+            if self.pack_all or indexed or divided or smoothed:
                 return True
             mesh = entry["mesh"]
             coloured = node.plugin != "ply" and bool(

@@ -26,14 +26,15 @@ Names: TypeAlias = Mapping[str, Collection[str]]  # of plugins in lower case, by
 MOST_REPEATED = 1 << 14
 MOST_MEETINGS = 64
 MOST_SAMPLES = 1 << 16  # of a spectrum
-NO_CAMERA_NEEDED = Unsaid(camera=True)  # a program may only trace rays
+# A program may only trace rays; and dicts need not look as in Mitsuba.
+OF_DICTS = Unsaid(camera=True, terminator="hanika")
 TABLES = ("attributes",)  # parameters that are dicts of arrays
 LOSSY = ("roughconductor", "roughdielectric", "roughplastic")  # where microfacets shadow each other
 
 
 def nodes_from_dict(scene: Mapping[str, Any], base_path: Path, known: Names, replaced: Names) -> Tree:
     """The nodes of a scene dict. Every key of the root is the id of its object. Rough surfaces give back the
-    light that bounces between microfacets unless they say otherwise.
+    light that bounces between microfacets unless they say otherwise, and the shadows of smooth meshes are.
 
     Args:
         scene: the dict.
@@ -49,7 +50,7 @@ def nodes_from_dict(scene: Mapping[str, Any], base_path: Path, known: Names, rep
     kind = scene.get("type") if isinstance(scene, Mapping) else None
     if not isinstance(kind, str) or kind != "scene":
         raise SceneError('the dict must have {"type": "scene"}', Location(source))
-    root = Node("scene", "scene", Location(source), Location(source), unsaid=NO_CAMERA_NEEDED)
+    root = Node("scene", "scene", Location(source), Location(source), unsaid=OF_DICTS)
     reader.tree = Tree(root, nodes=[root])
     reader.properties(scene, root, [])
     give_back_lost_light(reader.tree.nodes)

@@ -134,6 +134,7 @@ class Unsaid:
     mirrored: bool = True  # a mirrored sphere is turned inside out
     bounded: bool = True  # a constant extinction ends at a box, as a grid does
     exchanged: bool = True  # a checkerboard that is read as a number exchanges its colours
+    terminator: str = "none"  # of materials that do not set it
 
 
 SINCE_2 = Unsaid()

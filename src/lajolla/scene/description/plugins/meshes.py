@@ -30,6 +30,7 @@ from . import subdivision
 
 Mesh = _core.Mesh
 WITH_POLYGONS = ("load_obj", "load_ply")
+WEIGHTS = "normal_weights"
 LOADING = ("flip_tex_coords", "max_smooth_angle", "shape_index", "srgb")
 
 
@@ -40,6 +41,8 @@ def _file_shape(loader: str) -> Callable[[Context, Node, Values], Entry | list[P
         values.pop("filename", None)
         collapse, load_materials = values.pop("collapse", False), values.pop("load_materials", False)
         options = {k: values.pop(k) for k in LOADING if k in values}
+        if "max_smooth_angle" in options and WEIGHTS in values:
+            options[WEIGHTS] = values[WEIGHTS]
         options.setdefault("flip_tex_coords", loader == "load_obj")
         path, location = context.find(node)
         settings = subdivision.take_settings(context, node, values) if loader in WITH_POLYGONS else None
@@ -56,6 +59,8 @@ def _file_shape(loader: str) -> Callable[[Context, Node, Values], Entry | list[P
             mesh, key = subdivision.subdivided(context, node, key, mesh, settings, values), (*key, node)
         else:
             key, mesh = _with_normals(context, key, mesh, values)
+        if WEIGHTS not in options:
+            _warn_of_unused_weights(context, node, mesh, values)
         parts = [] if collapse else _parts(context, node, mesh, path, load_materials=load_materials)
         if not parts:
             return {"type": "mesh", "mesh": mesh, **values}
@@ -83,7 +88,9 @@ def _load(context: Context, loader: str, path: Path, options: Values, location: 
     except _core.MeshError as problem:
         raise SceneError(f'"{path}": {problem}', location) from None
     _warn_of_lost_digits(context, mesh, path, location)
-    return mesh.with_smooth_normals(options["max_smooth_angle"]) if "max_smooth_angle" in options else mesh
+    if "max_smooth_angle" not in options:
+        return mesh
+    return mesh.with_smooth_normals(options["max_smooth_angle"], options.get(WEIGHTS, "angle"))
 
 
 def _warn_of_lost_digits(context: Context, mesh: Mesh, path: Path, location: Location) -> None:
@@ -107,13 +114,19 @@ def _with_normals(
 ) -> tuple[tuple[Any, ...], Mesh]:
     """The mesh with vertex normals, which Mitsuba computes if a file has none.
 
-    They are weighted by angles in world space, so that a stretched mesh has its own.
+    Their weights are those in world space, so that a stretched mesh has its own.
     """
     if mesh.normals is not None or values.get("face_normals"):
         return key, mesh
-    matrix = frame_of_normals(values.get("to_world", np.eye(4)))
-    key = (*key, "normals", matrix.tobytes())
-    return key, context.read(key, lambda: mesh.with_vertex_normals(matrix.tolist()))
+    matrix, weights = frame_of_normals(values.get("to_world", np.eye(4))), values.get(WEIGHTS, "angle")
+    key = (*key, "normals", matrix.tobytes(), weights)
+    return key, context.read(key, lambda: mesh.with_vertex_normals(matrix.tolist(), weights))
+
+
+def _warn_of_unused_weights(context: Context, node: Node, mesh: Mesh, values: Values) -> None:
+    if values.get(WEIGHTS, "angle") != "angle" and not mesh.computed_normals:
+        message = f'"{WEIGHTS}" of {node} changes nothing: its normals are not computed'
+        context.diagnostics.warn(message, node.property_location(WEIGHTS))
 
 
 def frame_of_normals(to_world: Any) -> Array:  # noqa: ANN401
@@ -184,7 +197,9 @@ def _from_arrays(context: Context, node: Node, values: Values) -> Entry:
             raise SceneError(f"{node} takes a mesh or arrays, not both", node.location)
         if values["mesh"].computed_normals:  # of another library's mesh
             frame = frame_of_normals(values.get("to_world", np.eye(4)))
-            values["mesh"] = values["mesh"].with_vertex_normals(frame.tolist())
+            weights = values.get(WEIGHTS, "angle")
+            values["mesh"] = values["mesh"].with_vertex_normals(frame.tolist(), weights)
+        _warn_of_unused_weights(context, node, values["mesh"], values)
         return {"type": "mesh", **values}
     try:
         if settings is not None or "faces" in given:
@@ -195,8 +210,9 @@ def _from_arrays(context: Context, node: Node, values: Values) -> Entry:
         raise SceneError(f"{node}: {problem}", node.location) from None
     if settings is not None:
         mesh = subdivision.subdivided(context, node, ("arrays", node), mesh, settings, values)
-        return {"type": "mesh", "mesh": mesh, **values}
-    _, mesh = _with_normals(context, ("arrays", node), mesh, values)
+    else:
+        _, mesh = _with_normals(context, ("arrays", node), mesh, values)
+    _warn_of_unused_weights(context, node, mesh, values)
     return {"type": "mesh", "mesh": mesh, **values}
 
 

@@ -129,7 +129,7 @@ PLUGINS = (
         _cube,
         IN_SHAPES,
         "mesh",
-        ("mesh",),
+        ("mesh", "normal_weights"),
         True,
     ),
     Plugin(
