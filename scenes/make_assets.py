@@ -87,6 +87,12 @@ def painting(width: int = 320, height: int = 224) -> np.ndarray:
     return image
 
 
+def checkerboard(size: int = 128) -> np.ndarray:
+    """Two by two squares."""
+    i, j = np.indices((size, size)) * 2 // size
+    return np.where(((i + j) % 2 == 0)[..., None], (0.85, 0.83, 0.8), (0.05, 0.09, 0.2))
+
+
 def studio(width: int = 256, height: int = 128) -> np.ndarray:
     """An environment: a grey studio with two soft boxes, a strip light and a warm floor."""
     v, u = np.mgrid[0:height, 0:width] / np.array([height, width])[:, None, None]
@@ -328,6 +334,7 @@ def main() -> None:
     write_image("planks.jpg", planks(rng))
     write_image("rug.jpg", rug(rng))
     write_image("painting.jpg", painting(), 90)
+    write_image("checkerboard.png", checkerboard())
     write_image("studio.exr", studio())
     write_ply("vase.ply", *revolve(vase_profile()))
     write_ply("shade.ply", *revolve(shade_profile(), 32))

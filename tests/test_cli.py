@@ -150,6 +150,7 @@ def test_pixel(capsys: Capture) -> None:
         ("render room.xml --crop 10,0,10,10", "reaches outside of the film, 16 x 12"),
         ("render room.xml --max-depth -2", "max_depth must be in -1 to"),
         ("render room.xml --integrator ao --strategy light", "the integrator 'ao' has no strategy"),
+        ("render room.xml --integrator ao --footprint cone", "the integrator 'ao' has no footprint"),
         ("render room.xml --exposure inf", "not a number from -100 to 100"),
         ("render room.xml -D level", "'level' is not NAME=VALUE"),
         ("render room.xml --sample 1", "--sample needs --pixel"),

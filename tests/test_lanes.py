@@ -426,22 +426,38 @@ TEXTURED: dict[str, Settings] = {
 @pytest.mark.parametrize("name", TEXTURED)
 def test_pictures_of_textures(name: str) -> None:
     """Seen directly, in a mirror and behind glass, where footprints are those of bounces."""
+    check_lanes(seen_in_a_mirror_and_glass(TEXTURED[name]))
+
+
+@pytest.mark.parametrize("footprint", ["differentials", "cone"])
+@pytest.mark.parametrize("alpha", [0.0, 0.05, 0.4])
+@pytest.mark.parametrize("filter_type", ["ewa", "trilinear"])
+def test_pictures_of_footprints(filter_type: str, alpha: float, footprint: str) -> None:
+    """In mirrors so rough that some differentials, or all, end there."""
+    texture = {**PAINTED, "filter_type": filter_type, "to_uv": scaling(30)}
+    rough = {"type": "roughconductor", "alpha_u": alpha, "alpha_v": alpha}
+    check_lanes(seen_in_a_mirror_and_glass(texture, rough, footprint=footprint))
+
+
+def seen_in_a_mirror_and_glass(
+    texture: Settings, reflector: Settings | None = None, **integrator: object
+) -> _core.Scene:
     seen = {**BALL, "type": "mesh", "mesh": uv_sphere(12, 7, smooth=True)}
     mirror = {"type": "rectangle", "to_world": translation(0, 2, 1) @ rotation((1, 0, 0), 80), "material": 2}
     lens = {"type": "sphere", "to_world": translation(0.8, -1.5, 0.8) @ scaling(0.4), "material": 3}
-    scene = stage(
+    return stage(
         seen,
         mirror,
         lens,
-        textures=(TEXTURED[name],),
+        textures=(texture,),
         bsdfs=(
             {"type": "diffuse", "reflectance": {"texture": 3}},
-            {"type": "conductor"},
+            reflector or {"type": "conductor"},
             {"type": "dielectric"},
         ),
         materials=({"front": 1, "back": 1}, {"front": 2, "back": 2}, {"front": 3}),
+        **integrator,
     )
-    check_lanes(scene)
 
 
 CLEAR: Settings = {"type": "thindielectric", "specular_transmittance": [0.9, 0.6, 0.3]}

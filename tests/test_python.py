@@ -65,7 +65,7 @@ def loaded() -> lajolla.Scene:
         (
             lambda: lajolla.load("room.xml", qqq=3),
             "valid: strict, two_sided, parameters, reuse, spp, size, crop, seed, sampler, integrator, "
-            "max_depth, strategy, sensor, hide_emitters, aovs, level$",
+            "max_depth, strategy, footprint, sensor, hide_emitters, robust, aovs, level$",
         ),
         (
             lambda: loaded().render(wrong=1, sppp=3),

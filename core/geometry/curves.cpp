@@ -131,8 +131,13 @@ void Curves::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, 
 
     // The curvature around the tube, and along it if it is curved; the ends of cones are spheres.
     const bool at_end = basis == CurveBasis::linear && (v == 0 || v == 1);
-    const float along = at_end ? 1 / s.radius : straight > 0 ? -dot(radial, s.second) / straight : 0;
-    hit.mean_curvature = s.radius > 0 ? 0.5f * (1 / s.radius + along) : 0;
+    const float along = !(s.radius > 0) ? 0
+                        : at_end        ? 1 / s.radius
+                        : straight > 0  ? -dot(radial, s.second) / straight
+                                        : 0;
+    const float around_tube = s.radius > 0 ? 1 / s.radius : 0;
+    const Vec3f a = unit(hit.dp_du, Vec3f(0));
+    hit.dn = {hit.dp_du * around_tube, hit.dp_dv * along + a * (dot(a, hit.dp_dv) * (around_tube - along))};
 }
 
 } // namespace lajolla

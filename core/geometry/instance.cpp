@@ -28,7 +28,6 @@ void Instance::place(Hit<float> &hit) const {
     const Vec3f scaled_normal = to_group.transposed_vector(hit.normal);
     const float stretch =
         length(scaled_normal); // of distances to the tangent plane, from the scene to the group
-    const Frame<float> tangents = frame_around(hit.normal);
     const Vec3f position = to_world.point(hit.position);
 
     // Errors along the normal: in the group, and of the transforms to the group and back.
@@ -36,19 +35,20 @@ void Instance::place(Hit<float> &hit) const {
     hit.position_error = error_in_group / stretch + position_error(largest_term(to_world, hit.position));
     hit.position = position;
     hit.normal = scaled_normal / stretch;
-    hit.shading_normal = normalize(to_group.transposed_vector(hit.shading_normal));
+    const Vec3f scaled_shading = to_group.transposed_vector(hit.shading_normal);
+    const float inverse_length = 1 / length(scaled_shading);
+    hit.shading_normal = scaled_shading * inverse_length;
+    const auto change = [&](const Vec3f &in_group) { // of the vector divided by its length
+        const Vec3f moved = to_group.transposed_vector(in_group) * inverse_length;
+        return moved - hit.shading_normal * dot(hit.shading_normal, moved);
+    };
+    if (hit.dn) hit.dn = {change(hit.dn->du), change(hit.dn->dv)};
     hit.dp_du = to_world.vector(hit.dp_du);
     hit.dp_dv = to_world.vector(hit.dp_dv);
     if (hit.lift.present) {
         hit.lift.front = clear_lift(to_world.vector(hit.lift.front), hit.normal, hit.position_error);
         hit.lift.back = clear_lift(to_world.vector(hit.lift.back), -hit.normal, hit.position_error);
     }
-
-    // Half the trace of the second fundamental form in the metric of the transformed tangents. Only its trace
-    // is known, so the form is assumed to be isotropic, as on spheres.
-    const Vec3f s = to_world.vector(tangents.s), t = to_world.vector(tangents.t);
-    hit.mean_curvature *=
-        (length_squared(s) + length_squared(t)) / (2 * stretch * length_squared(cross(s, t)));
 }
 
 } // namespace lajolla

@@ -254,7 +254,8 @@ void SdfGrid::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &,
     hit.uv = hit.barycentric = {0, 0};
     const Frame<float> tangents = frame_around(hit.normal);
     hit.dp_du = tangents.s, hit.dp_dv = tangents.t;
-    hit.mean_curvature = mean_curvature(p);
+    const float curvature = mean_curvature(p); // all that is known: taken as that of a sphere
+    hit.dn = {hit.dp_du * curvature, hit.dp_dv * curvature};
 }
 
 } // namespace lajolla

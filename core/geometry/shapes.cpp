@@ -126,7 +126,6 @@ void Sphere::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &ne
     hit.position = {on_sphere(center.x, x), on_sphere(center.y, y), on_sphere(center.z, z)};
     hit.position_error = position_error(max_component(abs(hit.position))) + size() * 0x1p-42f;
     hit.normal = hit.shading_normal = flip_normals ? -outward : outward;
-    hit.mean_curvature = (flip_normals ? -1 : 1) / radius;
     if (!needs.uvs && !needs.tangents) return;
     // uv = (phi / 2 pi, theta / pi) in spherical coordinates around the third axis; atan2 keeps its precision
     // at the poles, where acos loses half the digits
@@ -136,6 +135,8 @@ void Sphere::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &ne
     hit.uv = hit.barycentric = {turns(local.y, local.x), atan2(r, local.z) * inv_pi};
     hit.dp_du = axes.to_world(Vec3f{-sin_phi * r, cos_phi * r, 0} * (2 * pi * radius));
     hit.dp_dv = axes.to_world(Vec3f{local.z * cos_phi, local.z * sin_phi, -r} * (pi * radius));
+    const float curvature = (flip_normals ? -1 : 1) / radius;
+    hit.dn = {hit.dp_du * curvature, hit.dp_dv * curvature};
 }
 
 SurfaceSample Sphere::at(const Vec3f &direction) const {
@@ -171,7 +172,6 @@ void Rectangle::fill(const Ray<float> &, const RayHit &found, const HitNeeds &, 
     hit.dp_du = to_world.axis(0) * 2;
     hit.dp_dv = to_world.axis(1) * 2;
     hit.shading_normal = hit.normal;
-    hit.mean_curvature = 0;
 }
 
 SurfaceSample Rectangle::sample(float, Vec2f u) const {
@@ -219,7 +219,6 @@ void Disk::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &, Hi
     hit.dp_du = to_world.vector({cos_phi, sin_phi, 0});
     hit.dp_dv = to_world.vector(Vec3f{-sin_phi, cos_phi, 0} * (2 * pi * r));
     hit.shading_normal = hit.normal;
-    hit.mean_curvature = 0;
 }
 
 SurfaceSample Disk::sample(float, Vec2f u) const {
@@ -285,7 +284,7 @@ void Cylinder::fill(const Ray<float> &ray, const RayHit &found, const HitNeeds &
     hit.uv = hit.barycentric = {turns(around.y, around.x), z / height};
     hit.dp_du = axes.to_world({-around.y, around.x, 0}) * (2 * pi * radius);
     hit.dp_dv = axes.n * height;
-    hit.mean_curvature = (flip_normals ? -0.5f : 0.5f) / radius;
+    hit.dn = {hit.dp_du * ((flip_normals ? -1 : 1) / radius), Vec3f(0)};
 }
 
 SurfaceSample Cylinder::sample(float, Vec2f u) const {

@@ -1,6 +1,7 @@
 #pragma once
 // Properties of points on triangles.
 
+#include "geometry/edges.h"
 #include "geometry/hit.h"
 
 namespace lajolla {
@@ -9,7 +10,7 @@ namespace lajolla {
 struct HitNeeds {
     bool uvs = true;       // uv
     bool tangents = true;  // dp_du, dp_dv
-    bool curvature = true; // mean_curvature
+    bool curvature = true; // dn; not without tangents
     bool lift = false;     // of materials that have one
 };
 
@@ -28,28 +29,6 @@ template <class Float>
 struct TriangleUvs {
     BoolOf<Float> present = false;
     Vec2<Float> uv0, uv1, uv2;
-};
-
-// The cross product of two edges, which are scaled by a power of two if its square would overflow (edges of
-// 1e9) or underflow (edges of 1e-9).
-template <class Float>
-struct EdgeCross {
-    Vec3<Float> e1, e2; // scaled
-    Vec3<Float> normal; // not normalized
-    Float squared;      // its length
-    Float scale = 1;
-
-    EdgeCross(const Vec3<Float> &edge1, const Vec3<Float> &edge2)
-        : e1(edge1), e2(edge2), normal(cross(edge1, edge2)), squared(length_squared(normal)) {
-        if (all(squared > 1e-30f && squared < 1e30f)) [[likely]]
-            return;
-        scale = unit_scale(max_component(max(abs(e1), abs(e2))));
-        e1 *= scale, e2 *= scale;
-        normal = cross(e1, e2);
-        squared = length_squared(normal);
-    }
-    // The area of the parallelogram that the edges span.
-    Float area() const { return sqrt(squared) / sqr(scale); }
 };
 
 // The smooth position on one side of a triangle, relative to the flat one: the mean of the projections onto
@@ -86,8 +65,9 @@ void fill_triangle(const TriangleCorners<Float> &p, const TriangleNormals<Float>
     const EdgeCross<Float> face(e1, e2);
     const Float inverse_area = 1 / sqrt(face.squared);
     Vec3<Float> normal = face.normal * inverse_area, shading = normal;
-    hit.mean_curvature = Float(0);
+    Vec3<Float> dn_db1, dn_db2; // of the shading normal
     if (any(normals.present)) {
+        const Vec3<Float> d1 = normals.n1 - normals.n0, d2 = normals.n2 - normals.n0;
         const Vec3<Float> sum = normals.n0 * b0 + normals.n1 * b1 + normals.n2 * b2;
         const Float squared = length_squared(sum);
         const auto smooth = normals.present && squared > 0.0f;
@@ -96,16 +76,14 @@ void fill_triangle(const TriangleCorners<Float> &p, const TriangleNormals<Float>
         // Vertex normals determine the front, because windings vary between files.
         normal = select(smooth && dot(shading, normal) < 0.0f, -normal, normal);
         if (needs.curvature) {
-            // Half the trace of the derivative of the normal by the position, in the dual basis of e1, e2.
-            const Vec3<Float> dual1 = cross(face.e2, face.normal), dual2 = cross(face.normal, face.e1);
-            const Float trace = dot(normals.n1 - normals.n0, dual1) + dot(normals.n2 - normals.n0, dual2);
-            const Float curvature = trace * inverse_length * (0.5f * inverse_area * inverse_area);
-            hit.mean_curvature = select(smooth, curvature * face.scale, Float(0));
+            const auto change = [&](const Vec3<Float> &d) { // of the sum divided by its length
+                return select(smooth, (d - shading * dot(shading, d)) * inverse_length, Vec3<Float>(0));
+            };
+            dn_db1 = change(d1), dn_db2 = change(d2);
         }
     }
     hit.normal = select(flipped, -normal, normal);
     hit.shading_normal = select(flipped, -shading, shading);
-    hit.mean_curvature = select(flipped, -hit.mean_curvature, hit.mean_curvature);
     if (hit.lift.present && any(normals.present)) {
         const auto lift = [&](float sign) {
             const Vec3<Float> found = smooth_lift(p, normals, hit.position, b0, b1, b2, sign);
@@ -118,16 +96,23 @@ void fill_triangle(const TriangleCorners<Float> &p, const TriangleNormals<Float>
     }
 
     hit.barycentric = {b1, b2};
-    if (needs.uvs || needs.tangents) {
-        const Vec2<Float> d1 = uvs.uv1 - uvs.uv0, d2 = uvs.uv2 - uvs.uv0;
-        hit.uv = select(uvs.present, uvs.uv0 + d1 * b1 + d2 * b2, hit.barycentric);
-        if (needs.tangents) {
-            const Float det = d1.x * d2.y - d1.y * d2.x, inverse = 1 / det;
-            const auto mapped = uvs.present && det != 0.0f;
-            hit.dp_du = select(mapped, (e1 * d2.y - e2 * d1.y) * inverse, e1);
-            hit.dp_dv = select(mapped, (e2 * d1.x - e1 * d2.x) * inverse, e2);
-        }
-    }
+    if (!needs.uvs && !needs.tangents) return;
+    const Vec2<Float> d1 = uvs.uv1 - uvs.uv0, d2 = uvs.uv2 - uvs.uv0;
+    hit.uv = select(uvs.present, uvs.uv0 + d1 * b1 + d2 * b2, hit.barycentric);
+    if (!needs.tangents) return;
+    const Float det = d1.x * d2.y - d1.y * d2.x, inverse = 1 / det;
+    const auto mapped = uvs.present && det != 0.0f;
+    const auto by_u = [&](const Vec3<Float> &by_b1, const Vec3<Float> &by_b2) {
+        return select(mapped, (by_b1 * d2.y - by_b2 * d1.y) * inverse, by_b1);
+    };
+    const auto by_v = [&](const Vec3<Float> &by_b1, const Vec3<Float> &by_b2) {
+        return select(mapped, (by_b2 * d1.x - by_b1 * d2.x) * inverse, by_b2);
+    };
+    hit.dp_du = by_u(e1, e2), hit.dp_dv = by_v(e1, e2);
+    if (!needs.curvature) return;
+    hit.dn = {by_u(dn_db1, dn_db2), by_v(dn_db1, dn_db2)};
+    hit.dn->du = select(flipped, -hit.dn->du, hit.dn->du);
+    hit.dn->dv = select(flipped, -hit.dn->dv, hit.dn->dv);
 }
 
 } // namespace lajolla

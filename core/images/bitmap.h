@@ -32,8 +32,9 @@ public:
     template <class Float>
     Rgb<Float> trilinear(Vec2<Float> position, Float level) const;
     // The elliptical weighted average (Greene and Heckbert 1986; Heckbert 1989, "Fundamentals of Texture
-    // Mapping and Image Warping", section 3.5.8) over the ellipse that has these two conjugate radii; but
-    // where a footprint is `round`, trilinear() of `level`.
+    // Mapping and Image Warping", section 3.5.8) over the ellipse that has these two conjugate radii, such as
+    // half of the way to the next pixel along each axis of the film; but where a footprint is `round`,
+    // trilinear() of `level`.
     template <class Float>
     Rgb<Float> elliptical(Vec2<Float> position, Vec2<Float> radius0, Vec2<Float> radius1,
                           float max_anisotropy, BoolOf<Float> round, Float level) const;

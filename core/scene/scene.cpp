@@ -26,6 +26,7 @@ HitNeeds needs_of(const SceneParts &parts, std::span<const BsdfTraits> traits, b
             std::holds_alternative<BumpMap>(adapter) || std::holds_alternative<NormalMap>(adapter);
     for (const TextureModel &texture : parts.textures)
         needs.curvature |= std::holds_alternative<CurvatureTexture>(texture);
+    needs.tangents |= needs.curvature;
     return needs;
 }
 
@@ -135,11 +136,10 @@ Scene::Scene(SceneParts parts, const Scene *before) : parts_(std::move(parts)), 
     else picker_ = std::make_shared<const LightPicker>(parts_.lights, parts_.textures, bounding_sphere_);
 }
 
-Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const RayCone<float> &cone,
+Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const Footprint<float> &footprint,
                       const HitNeeds &needs) const {
     Hit<float> hit;
     hit.distance = found.distance;
-    hit.footprint = cone.at(found.distance);
     hit.shape = static_cast<std::int32_t>(found.shape);
     hit.primitive = static_cast<std::int32_t>(found.primitive);
     hit.instance = static_cast<std::int32_t>(found.instance);
@@ -152,6 +152,7 @@ Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const RayCone<
     if (found.instance != RayHit::no_instance) [[unlikely]]
         fill_in_instance(ray, found, needs, hit);
     else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, needs, hit); });
+    hit.footprint.move(footprint, ray.direction, found.distance, hit.normal);
     return hit;
 }
 
@@ -165,7 +166,7 @@ void Scene::fill_in_instance(const Ray<float> &ray, const RayHit &found, const H
 
 // Triangles that are not in instances are filled in by all lanes at once, the rest one after the other.
 Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, WideBool active,
-                          const RayCone<WideFloat> &cones, const HitNeeds &needs) const {
+                          const Footprint<WideFloat> &footprints, const HitNeeds &needs) const {
     const int first = std::countr_zero(bits(active));
     const RayHits hits{found.distance,
                        found.b1,
@@ -175,7 +176,6 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
                        select(active, found.instance, WideInt(found.instance[first]))};
     Hit<WideFloat> result;
     result.distance = hits.distance;
-    result.footprint = cones.at(hits.distance);
     result.shape = hits.shape;
     result.primitive = hits.primitive;
     result.instance = hits.instance;
@@ -236,10 +236,9 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     }
 
     if (others)
-        for_each_lane(mask_of(others) && active, [&](int k) {
-            const RayCone<float> cone{cones.radius[k], cones.spread[k]};
-            set_lane(result, k, hit(lane_of(rays, k), hits[k], cone, needs));
-        });
+        for_each_lane(mask_of(others) && active,
+                      [&](int k) { set_lane(result, k, hit(lane_of(rays, k), hits[k], {}, needs)); });
+    result.footprint.move(footprints, rays.direction, hits.distance, result.normal);
     return result;
 }
 

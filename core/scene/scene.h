@@ -90,6 +90,11 @@ public:
     CameraRay<Float> camera_ray(const Vec2<Float> &film, const Vec2<Float> &lens) const {
         return match(parts_.camera, [&](const auto &camera) { return camera.generate(film, lens); });
     }
+    // The differentials of a camera ray by the positions of pixels.
+    template <class Float>
+    RayDifferentials<Float> camera_differentials(const Vec2<Float> &film, const Vec2<Float> &lens) const {
+        return match(parts_.camera, [&](const auto &camera) { return camera.differentials(film, lens); });
+    }
 
     // Whether the camera sees any shape as anything but an object.
     bool has_camera_roles() const { return has_camera_roles_; }
@@ -114,11 +119,11 @@ public:
     }
 
     // Everything about a hit that the ray tracer found.
-    Hit<float> hit(const Ray<float> &ray, const RayHit &found, const RayCone<float> &cone,
+    Hit<float> hit(const Ray<float> &ray, const RayHit &found, const Footprint<float> &footprint,
                    const HitNeeds &needs = {}) const;
     // The same for several rays. Inactive lanes contain valid ids of other hits, and undefined numbers.
     Hit<WideFloat> hit(const Ray<WideFloat> &rays, const RayHits &found, WideBool active,
-                       const RayCone<WideFloat> &cones, const HitNeeds &needs) const;
+                       const Footprint<WideFloat> &footprints, const HitNeeds &needs) const;
     // The properties of hits that scattering needs in this scene.
     const HitNeeds &needs() const { return needs_; }
 

@@ -43,11 +43,13 @@ void Orthographic::build(const CameraFit &fit) {
     require_invertible(to_world);
     aspect_ = fit.aspect;
     pixel_ = length(to_world.axis(0)) / fit.width;
+    step_x_ = to_world.axis(0) * (-2 / fit.width), step_y_ = to_world.axis(1) * (-2 / fit.width);
 }
 
 void Spherical::build(const CameraFit &fit) {
     require_invertible(to_world);
     pixel_ = pi / fit.width; // half of the angle at the horizon
+    pixel_height_ = pi * fit.aspect / fit.width;
 }
 
 void RadianceMeter::build(const CameraFit &) { require_invertible(to_world); }

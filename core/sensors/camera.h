@@ -69,7 +69,14 @@ struct Perspective {
     template <class Float>
     CameraRay<Float> leave(const Vec3<Float> &origin,
                            const Vec3<Float> &direction) const; // from camera to world space
-    float half_width = 0, half_height = 0, pixel = 0;           // at z = 1
+    // Of rays along `direction` in camera space, which has z = 1.
+    template <class Float>
+    RayDifferentials<Float> differentials_along(const Vec3<Float> &direction) const;
+    template <class Float>
+    RayDifferentials<Float> differentials(const Vec2<Float> &film, const Vec2<Float> &) const {
+        return differentials_along(through(film));
+    }
+    float half_width = 0, half_height = 0, pixel = 0; // at z = 1
 };
 
 struct ThinLens : Perspective {
@@ -87,6 +94,21 @@ struct ThinLens : Perspective {
     }
     template <class Float>
     CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
+    template <class Float>
+    RayDifferentials<Float> differentials(const Vec2<Float> &film, const Vec2<Float> &lens) const {
+        return differentials_along(towards_focus(film, on_lens(lens)));
+    }
+
+private:
+    template <class Float>
+    Vec3<Float> on_lens(const Vec2<Float> &lens) const {
+        const Vec2<Float> p = sample_disk(lens) * Float(aperture_radius);
+        return {p.x, p.y, 0};
+    }
+    template <class Float>
+    Vec3<Float> towards_focus(const Vec2<Float> &film, const Vec3<Float> &origin) const {
+        return (through(film) * Float(focus_distance) - origin) / focus_distance;
+    }
 };
 
 struct Orthographic {
@@ -106,9 +128,16 @@ struct Orthographic {
     void build(const CameraFit &fit);
     template <class Float>
     CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
+    // The rays are parallel, also those of telecentric cameras through one point of the lens.
+    template <class Float>
+    RayDifferentials<Float> differentials(const Vec2<Float> &, const Vec2<Float> &) const {
+        const Vec3<Float> x = step_x_, y = step_y_;
+        return {x, y, {}, {}};
+    }
 
 private:
     float aspect_ = 1, pixel_ = 0;
+    Vec3f step_x_, step_y_; // from one pixel to the next
 };
 
 struct Telecentric : Orthographic {
@@ -140,9 +169,11 @@ struct Spherical {
     void build(const CameraFit &fit);
     template <class Float>
     CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
+    template <class Float>
+    RayDifferentials<Float> differentials(const Vec2<Float> &film, const Vec2<Float> &) const;
 
 private:
-    float pixel_ = 0;
+    float pixel_ = 0, pixel_height_ = 0; // half a pixel's width, and its height, as angles
 };
 
 struct RadianceMeter {
@@ -156,6 +187,10 @@ struct RadianceMeter {
     void build(const CameraFit &fit);
     template <class Float>
     CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
+    template <class Float>
+    RayDifferentials<Float> differentials(const Vec2<Float> &, const Vec2<Float> &) const {
+        return {}; // the picture is one ray
+    }
 };
 
 struct Distant {
@@ -176,6 +211,10 @@ struct Distant {
     void build(const CameraFit &fit);
     template <class Float>
     CameraRay<Float> generate(const Vec2<Float> &film, const Vec2<Float> &lens) const;
+    template <class Float>
+    RayDifferentials<Float> differentials(const Vec2<Float> &, const Vec2<Float> &) const {
+        return {}; // each pixel sees the same
+    }
 
 private:
     BoundingSphere scene_;
@@ -203,6 +242,20 @@ CameraRay<Float> Perspective::leave(const Vec3<Float> &origin, const Vec3<Float>
             {Float(0), pixel / length(direction)}};
 }
 
+// The change of a vector divided by its length, if the vector changes by `change`.
+template <class Float>
+Vec3<Float> change_of_unit(const Vec3<Float> &vector, const Vec3<Float> &change) {
+    const Float squared = length_squared(vector);
+    return (change - vector * (dot(vector, change) / squared)) / sqrt(squared);
+}
+
+template <class Float>
+RayDifferentials<Float> Perspective::differentials_along(const Vec3<Float> &direction) const {
+    const Vec3<Float> d = to_world.vector(direction), x = to_world.axis(0) * (-2 * pixel),
+                      y = to_world.axis(1) * (-2 * pixel);
+    return {{}, {}, change_of_unit(d, x), change_of_unit(d, y)};
+}
+
 template <class Float>
 CameraRay<Float> Perspective::generate(const Vec2<Float> &film, const Vec2<Float> &) const {
     return leave(Vec3<Float>(0), through(film));
@@ -210,9 +263,8 @@ CameraRay<Float> Perspective::generate(const Vec2<Float> &film, const Vec2<Float
 
 template <class Float>
 CameraRay<Float> ThinLens::generate(const Vec2<Float> &film, const Vec2<Float> &lens) const {
-    const Vec2<Float> p = sample_disk(lens) * aperture_radius;
-    const Vec3<Float> origin{p.x, p.y, 0}, focus = through(film) * focus_distance;
-    return leave(origin, (focus - origin) / focus_distance);
+    const Vec3<Float> origin = on_lens(lens);
+    return leave(origin, towards_focus(film, origin));
 }
 
 template <class Float>
@@ -243,6 +295,20 @@ CameraRay<Float> Spherical::generate(const Vec2<Float> &film, const Vec2<Float> 
     const auto [sin_theta, cos_theta] = sine_cosine(pi * film.y);
     const Vec3<Float> local{sin_phi * sin_theta, cos_theta, -cos_phi * sin_theta};
     return {{Vec3<Float>(to_world.origin()), normalize(to_world.vector(local))}, {0, pixel_}};
+}
+
+template <class Float>
+RayDifferentials<Float> Spherical::differentials(const Vec2<Float> &film, const Vec2<Float> &) const {
+    const auto [sin_phi, cos_phi] = sine_cosine(2 * pi * film.x);
+    const auto [sin_theta, cos_theta] = sine_cosine(pi * film.y);
+    const Vec3<Float> d = to_world.vector(Vec3<Float>{sin_phi * sin_theta, cos_theta, -cos_phi * sin_theta}),
+                      by_phi = to_world.vector(Vec3<Float>{cos_phi * sin_theta, 0, sin_phi * sin_theta}),
+                      by_theta =
+                          to_world.vector(Vec3<Float>{sin_phi * cos_theta, -sin_theta, -cos_phi * cos_theta});
+    return {{},
+            {},
+            change_of_unit(d, by_phi * Float(2 * pixel_)),
+            change_of_unit(d, by_theta * Float(pixel_height_))};
 }
 
 template <class Float>

@@ -23,28 +23,6 @@ const Shape *shape_at(const TexturePoint<float> &at) {
 }
 const TriangleMesh *mesh_at(const TexturePoint<float> &at) { return std::get_if<TriangleMesh>(shape_at(at)); }
 
-// Gaussian curvature from a mesh's vertex normals: the determinant of the derivative of the normal by the
-// position on the triangle.
-float gaussian_curvature(const TriangleMesh &shape, const Hit<float> &hit) {
-    const Mesh &mesh = *shape.mesh;
-    if (shape.face_normals || mesh.normals.empty()) return 0;
-    const Triangle &t = mesh.triangles[static_cast<std::size_t>(hit.primitive)];
-    const EdgeCross<float> face(mesh.positions[t[1]] - mesh.positions[t[0]],
-                                mesh.positions[t[2]] - mesh.positions[t[0]]);
-    const Vec3f n0 = mesh.normals[t[0]], d1 = mesh.normals[t[1]] - n0, d2 = mesh.normals[t[2]] - n0;
-    const Vec3f sum = n0 + d1 * hit.barycentric.x + d2 * hit.barycentric.y;
-    const Vec3f dual1 = cross(face.e2, face.normal), dual2 = cross(face.normal, face.e1);
-    const float scale = length(sum) * face.squared;
-    const float determinant = dot(d1, dual1) * dot(d2, dual2) - dot(d2, dual1) * dot(d1, dual2);
-    return scale > 0 ? determinant / sqr(scale) * sqr(face.scale) : 0;
-}
-
-float gaussian_curvature(const TexturePoint<float> &at) {
-    if (const TriangleMesh *mesh = mesh_at(at)) return gaussian_curvature(*mesh, *at.hit);
-    const bool is_sphere = std::get_if<Sphere>(shape_at(at));
-    return is_sphere ? sqr(at.hit->mean_curvature) : 0; // other shapes are developable
-}
-
 } // namespace
 
 void Bitmap::build() {
@@ -54,26 +32,50 @@ void Bitmap::build() {
 }
 
 template <class Float>
-Float Bitmap::level(Float uv_footprint) const {
+Float Bitmap::level_of_cone(const Hit<Float> &hit) const {
     const Vec2f u = vector_in_uv(to_uv, Vec2f{1, 0}), v = vector_in_uv(to_uv, Vec2f{0, 1});
-    const float scale = max(hypot(u.x, u.y), hypot(v.x, v.y));
-    const Float texels = static_cast<float>(std::max(image->width, image->height)) * scale * uv_footprint;
-    return log2(max(texels, Float(1e-8f)));
+    const float size = static_cast<float>(std::max(image->width, image->height));
+    return log2(max(size * max(hypot(u.x, u.y), hypot(v.x, v.y)) * hit.uv_radius(), Float(1e-8f)));
 }
-template float Bitmap::level(float) const;
-template WideFloat Bitmap::level(WideFloat) const;
+
+template <class Float>
+Float Bitmap::level(const Hit<Float> &hit) const {
+    const auto &differentials = hit.footprint.differentials;
+    if (!differentials) return level_of_cone(hit);
+    const auto texels = [&](Vec2<Float> radius) -> Vec2<Float> {
+        const Vec2<Float> r = vector_in_uv(to_uv, radius);
+        return {r.x * static_cast<float>(image->width), r.y * static_cast<float>(image->height)};
+    };
+    const UvEllipse<Float> ellipse = uv_ellipse(hit, *differentials);
+    const Vec2<Float> a = texels(ellipse.first), b = texels(ellipse.second);
+    const Float result = log2(max(sqrt(abs(a.x * b.y - a.y * b.x)), Float(1e-8f)));
+    return all(differentials->followed) ? result
+                                        : select(differentials->followed, result, level_of_cone(hit));
+}
+template float Bitmap::level(const Hit<float> &) const;
+template WideFloat Bitmap::level(const Hit<WideFloat> &) const;
 
 template <class Float>
 Rgb<Float> Bitmap::look_up(const TexturePoint<Float> &at) const {
     const Vec2<Float> position = point_in_uv(to_uv, at.uv);
     if (!at.filtered || !pixels.is_filtered()) return pixels.unfiltered(position);
-    const Float round_level = level(at.hit->uv_footprint());
-    // A ray cone widened by a rough surface is blurred in all directions: its ellipse has no visible effect.
-    const auto blurred = !(at.hit->footprint.spread < 0.05f);
-    if (!pixels.is_elliptical() || all(blurred)) return pixels.trilinear(position, round_level);
-    const UvEllipse<Float> ellipse = uv_ellipse(*at.hit, at.wo);
-    return pixels.elliptical(position, vector_in_uv(to_uv, ellipse.across),
-                             vector_in_uv(to_uv, ellipse.along), max_anisotropy, blurred, round_level);
+    const Hit<Float> &hit = *at.hit;
+    if (!pixels.is_elliptical()) return pixels.trilinear(position, level(hit));
+
+    const auto &differentials = hit.footprint.differentials;
+    const BoolOf<Float> followed = differentials ? differentials->followed : BoolOf<Float>(false);
+    const auto blurred = !followed && hit.footprint.cone.is_blurred();
+    const Float round_level = any(blurred) ? level_of_cone(hit) : Float(0);
+    if (all(blurred)) return pixels.trilinear(position, round_level);
+    UvEllipse<Float> ellipse;
+    if (!all(followed || blurred)) ellipse = uv_ellipse(hit, at.wo);
+    if (any(followed)) {
+        const UvEllipse<Float> exact = uv_ellipse(hit, *differentials);
+        ellipse = {select(followed, exact.first, ellipse.first),
+                   select(followed, exact.second, ellipse.second)};
+    }
+    return pixels.elliptical(position, vector_in_uv(to_uv, ellipse.first),
+                             vector_in_uv(to_uv, ellipse.second), max_anisotropy, blurred, round_level);
 }
 template Rgb<float> Bitmap::look_up(const TexturePoint<float> &) const;
 template Rgb<WideFloat> Bitmap::look_up(const TexturePoint<WideFloat> &) const;
@@ -156,7 +158,7 @@ float Ptex::level(const TexturePoint<float> &at) const {
     const FaceImages::Face &face = images->faces()[point.face];
     const float area = abs(point.by_b1.x * point.by_b2.y - point.by_b1.y * point.by_b2.x);
     const float texels = area * static_cast<float>(1u << (face.log_width + face.log_height));
-    const float size = at.hit->footprint.radius * std::sqrt(texels / triangle.area());
+    const float size = at.hit->radius() * std::sqrt(texels / triangle.area());
     return std::isfinite(size) ? log2(max(size, 1e-8f)) : static_cast<float>(FaceImages::most_log_size);
 }
 
@@ -223,7 +225,7 @@ float Wireframe::interior(const TexturePoint<float> &at) const {
 Spectrum CurvatureTexture::look_up(const TexturePoint<float> &at) const {
     if (!at.hit) return Spectrum(0);
     const float value =
-        scale * (curvature == CurvatureKind::mean ? -at.hit->mean_curvature : gaussian_curvature(at));
+        scale * (curvature == CurvatureKind::mean ? -at.hit->mean_curvature() : at.hit->gaussian_curvature());
     return {std::clamp(value, 0.0f, 1.0f), 0, std::clamp(-value, 0.0f, 1.0f)};
 }
 

@@ -84,10 +84,10 @@ struct Bitmap {
     }
     void build();
     bool reads_footprints() const { return pixels.is_filtered(); }
-    // The level of the MIP pyramid whose texels are as large as the footprint; below 0 the image is
-    // magnified.
+    // The level of the MIP pyramid whose texels are as large as a hit's footprint: as wide as the cone, or of
+    // the same area as the ellipse of differentials. Below 0 the image is magnified.
     template <class Float>
-    Float level(Float uv_footprint) const;
+    Float level(const Hit<Float> &hit) const;
     template <class Float>
     Rgb<Float> evaluate(const TexturePoint<Float> &at, const auto &) const {
         return look_up(at);
@@ -98,6 +98,8 @@ struct Bitmap {
     }
 
 private:
+    template <class Float>
+    Float level_of_cone(const Hit<Float> &hit) const;
     template <class Float>
     Rgb<Float> look_up(const TexturePoint<Float> &at) const;
     template <class Float>

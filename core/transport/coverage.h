@@ -22,11 +22,11 @@ struct Seen {
 template <class Medium>
 Seen look(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera, std::optional<RayHit> found,
           const Sight &sight, Medium &&medium, const HitNeeds &needs) {
-    PathState<float> path = Path::start(camera);
+    PathState<float> path = Path{}.start(scene, camera);
     while (path.null_transmissions <= max_null_transmissions) {
         if (medium.fly(scene, path.ray, found, path.u_event).collision) return {{}, {}, true};
         if (!found) break;
-        Hit<float> hit = scene.hit(path.ray, *found, path.cone, needs);
+        Hit<float> hit = scene.hit(path.ray, *found, path.footprint, needs);
         const CameraRole role = scene.camera_role(hit.shape, hit.instance, sight.through_lights);
         const bool hidden = role == CameraRole::nothing, passed = path.null_transmissions > 0;
         const bool stops = !hidden && (!sight.through_surfaces || Path::shines(hit, role));

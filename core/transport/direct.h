@@ -59,7 +59,7 @@ template <class F>
 void Direct::follow(const Scene &scene, Tracer &tracer, std::optional<RayHit> found, Path::Walk<Vacuum> &walk,
                     F &&scatter_at) const {
     for (; found; found = tracer.closest(walk.path.ray)) {
-        const Hit<float> hit = scene.hit(walk.path.ray, *found, walk.path.cone, scene.needs());
+        const Hit<float> hit = scene.hit(walk.path.ray, *found, walk.path.footprint, scene.needs());
         const Path::Outcome outcome = path_.meet(scene, hit, walk);
         if (outcome == Path::Outcome::stopped) return scatter_at(hit);
         if (outcome != Path::Outcome::passed) return;
@@ -108,7 +108,7 @@ inline Spectrum Direct::scattered_at(const Scene &scene, Tracer &tracer, const S
 
 inline Spectrum Direct::radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                                  PrimaryRay &primary, const LightGroups &groups) const {
-    Path::Walk<Vacuum> walk{Path::start(primary.camera()), Vacuum(), Spectrum(0), groups};
+    Path::Walk<Vacuum> walk{path_.start(scene, primary.camera()), Vacuum(), Spectrum(0), groups};
     follow(scene, tracer, primary.found(), walk, [&](const Hit<float> &hit) {
         const Spectrum &throughput = walk.path.throughput;
         walk.radiance +=

@@ -90,7 +90,7 @@ template <class Medium>
 Spectrum Features::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                          PrimaryRay &primary) const {
     const CameraRay<float> &camera = primary.camera();
-    Path::Walk<Medium> walk{Path::start(camera), Medium(scene, camera, sampler, true)};
+    Path::Walk<Medium> walk{path_.start(scene, camera), Medium(scene, camera, sampler, true)};
     PathState<float> &path = walk.path;
     for (auto found = primary.found();; found = tracer.closest(path.ray)) {
         Flight flight;
@@ -102,7 +102,7 @@ Spectrum Features::trace(const Scene &scene, Tracer &tracer, const Sampler &samp
             return value(walk, Vec3f(0));
         }
         const Hit<float> hit =
-            flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.cone, scene.needs());
+            flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.footprint, scene.needs());
         const Path::Outcome outcome = path_.meet(scene, hit, walk);
         if (outcome == Path::Outcome::passed) continue;
         if (outcome == Path::Outcome::hole || outcome == Path::Outcome::catcher) {

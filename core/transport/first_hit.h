@@ -107,11 +107,11 @@ inline Spectrum FirstHit::value(const Scene &scene, const CameraRay<float> &came
     case Quantity::shape_index:
         return Spectrum(static_cast<float>(hit.shape) + static_cast<float>(first_shape));
     case Quantity::rel_position: return Spectrum(scene.camera_space(hit.position));
-    case Quantity::mean_curvature: return Spectrum(hit.mean_curvature);
-    case Quantity::ray_cone: return {hit.footprint.radius, hit.footprint.spread, 0};
+    case Quantity::mean_curvature: return Spectrum(hit.mean_curvature());
+    case Quantity::ray_cone: return {hit.footprint.cone.radius, hit.footprint.cone.spread, 0};
     case Quantity::mip_level: {
         const Bitmap *bitmap = scene.first_bitmap(hit);
-        return Spectrum(bitmap ? bitmap->level(hit.uv_footprint()) : 0);
+        return Spectrum(bitmap ? bitmap->level(hit) : 0);
     }
     }
     return undefined;

@@ -35,6 +35,10 @@ constexpr auto choices(Strategy) { return std::array{"mis", "bsdf", "light"}; }
 enum class Heuristic { power, balance, maximum };
 constexpr auto choices(Heuristic) { return std::array{"power", "balance", "maximum"}; }
 
+// How the footprint of a pixel is followed, over which textures are filtered.
+enum class FootprintKind { differentials, cone };
+constexpr auto choices(FootprintKind) { return std::array{"differentials", "cone"}; }
+
 // The depth from which Russian roulette always applies, so that every path ends.
 inline constexpr int longest_without_roulette = 4096;
 // The highest survival probability at surfaces. It does not apply in media: light that is scattered thousands
@@ -45,7 +49,7 @@ inline constexpr float highest_survival = 0.95f;
 template <class Float>
 struct PathState {
     Ray<Float> ray;
-    RayCone<Float> cone;
+    Footprint<Float> footprint;
     Vec3<Float> from;           // the last vertex, or the camera
     Float pdf = 1;              // of the ray's direction, and of reaching the current distance
     BoolOf<Float> delta = true; // light sampling cannot produce this direction
@@ -68,6 +72,7 @@ struct Path {
     bool hide_emitters = false;
     Strategy strategy = Strategy::mis;
     Heuristic heuristic = Heuristic::power;
+    FootprintKind footprint = FootprintKind::differentials;
 
     static constexpr auto fields() {
         return std::tuple(
@@ -78,7 +83,10 @@ struct Path {
                 .range(0),
             field("hide_emitters", &Path::hide_emitters, "lights are invisible to the camera"),
             field("strategy", &Path::strategy, "sample lights, BSDFs, or both weighted by their densities"),
-            field("heuristic", &Path::heuristic, "how both are weighted (Veach and Guibas 1995)"));
+            field("heuristic", &Path::heuristic, "how both are weighted (Veach and Guibas 1995)"),
+            field("footprint", &Path::footprint,
+                  "how the area that a pixel covers is followed, over which textures are filtered: by the "
+                  "derivatives of rays (Igehy 1999), or as a cone (Akenine-Möller et al. 2021)"));
     }
 
     Spectrum radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary,
@@ -88,10 +96,15 @@ struct Path {
     // Whether radiance() ignores media.
     bool is_vacuum(const Scene &) const { return true; }
 
+    bool follows_differentials(const Scene &scene) const {
+        return footprint == FootprintKind::differentials && scene.reads_footprints();
+    }
     template <class Float>
-    static PathState<Float> start(const CameraRay<Float> &camera) {
-        PathState<Float> path{camera.ray, camera.cone, camera.ray.origin};
+    PathState<Float> start(const Scene &scene, const CameraRay<Float> &camera) const {
+        PathState<Float> path{camera.ray, {camera.cone, std::nullopt}, camera.ray.origin};
         path.u_event = camera.u_event;
+        if (follows_differentials(scene))
+            path.footprint.differentials = scene.camera_differentials(camera.film, camera.lens);
         return path;
     }
 
@@ -141,9 +154,10 @@ struct Path {
         path.from = start.vertex;
         path.pdf = sample.pdf;
         path.delta = delta || sample.delta;
-        path.ray = {start.origin, sample.wi};
         if (scene.reads_footprints())
-            path.cone = hit.footprint.scattered(hit.mean_curvature, sample.width, sample.eta);
+            path.footprint =
+                scattered_footprint(hit, path.ray.direction, sample.wi, sample.width, sample.eta);
+        path.ray = {start.origin, sample.wi};
         path.depth += 1;
         path.null_transmissions = 0;
     }
@@ -170,7 +184,7 @@ struct Path {
         path.throughput *= through.transmittance / through.probability;
         path.pdf *= through.probability;
         path.ray = {leave(hit, direction), direction, 0, path.ray.far - hit.distance};
-        path.cone = hit.footprint;
+        path.footprint = hit.footprint;
         path.null_transmissions += 1;
     }
 
@@ -320,7 +334,12 @@ inline Flight Path::cross_medium(const Scene &scene, const std::optional<RayHit>
     walk.add(-1, path.throughput * flight.emitted);
     path.throughput *= flight.weight;
     path.pdf *= flight.pdf;
-    if (flight.surface) flight.surface->footprint = path.cone;
+    if (flight.surface) {
+        Hit<float> &hit = *flight.surface;
+        const Vec3f &direction = path.ray.direction;
+        hit.footprint.move(path.footprint, direction, dot(hit.position - path.ray.origin, direction),
+                           hit.normal);
+    }
     return flight;
 }
 
@@ -335,7 +354,8 @@ inline void Path::scatter_in_medium(const Scene &scene, Tracer &tracer, const Sa
                                   walk.medium.for_shadow_ray(sampler, static_cast<std::uint32_t>(path.block)),
                                   walk.groups.times(path.throughput));
     const PhaseSample scattered = vertex.phase.sample(vertex.wo, u.lobe, u.bsdf_uv);
-    path.cone = path.cone.at(length(vertex.point - path.ray.origin)).scattered(0, 1, 1);
+    const float distance = length(vertex.point - path.ray.origin);
+    path.footprint = {path.footprint.cone.at(distance).scattered(0, 1, 1), std::nullopt};
     path.from = vertex.point;
     path.pdf = scattered.pdf;
     path.delta = false;
@@ -410,7 +430,8 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
         leave_scene(scene, walk);
         return false;
     }
-    Hit<float> hit = flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.cone, scene.needs());
+    Hit<float> hit =
+        flight.surface ? *flight.surface : scene.hit(path.ray, *found, path.footprint, scene.needs());
     const Outcome outcome = meet(scene, hit, walk);
     walk.from_catcher = outcome == Outcome::catcher || (walk.from_catcher && outcome == Outcome::passed);
     if (outcome != Outcome::stopped && outcome != Outcome::catcher) return outcome == Outcome::passed;
@@ -429,7 +450,8 @@ Spectrum Path::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                      const LightGroups &groups) const {
     if (max_depth == 0) return Spectrum(0);
     const CameraRay<float> &camera = primary.camera();
-    Walk<Medium> walk{start(camera), Medium(scene, camera, sampler, media_scatter), Spectrum(0), groups};
+    Walk<Medium> walk{start(scene, camera), Medium(scene, camera, sampler, media_scatter), Spectrum(0),
+                      groups};
     auto found = primary.found();
     while (step(scene, tracer, sampler, found, walk)) found = tracer.closest(walk.path.ray);
     return walk.radiance;

@@ -24,6 +24,10 @@ Wavefront::Wavefront(const Scene &scene, const Path &integrator)
       instances_(capacity + lanes),
       shadow_rays_((scene.needs().lift ? 2 : 1) * Materials::most_lit_leaves * capacity + lanes),
       order_(capacity + lanes), group_of_path_(capacity + lanes) {
+    if (integrator.follows_differentials(scene)) {
+        differentials_.resize(capacity + lanes);
+        next_differentials_.resize(capacity + lanes);
+    }
     const auto is_wide = [&](MaterialId root) {
         bool wide = true;
         scene.materials().for_each_bsdf(root, [&](std::int32_t bsdf) {
@@ -65,6 +69,7 @@ void Wavefront::render(std::span<const SampleId> ids, SequenceKind sequence, std
             started += count;
         }
         std::swap(paths_, next_);
+        std::swap(differentials_, next_differentials_);
         count_ = std::exchange(next_count_, 0);
         if (integrator_.max_depth == 0) continue;
         trace(tracer);
@@ -98,8 +103,11 @@ PathState<WideFloat> Wavefront::load(const Packet &packet) const {
     };
     const auto origin = rows(0), direction = rows(1), throughput = rows(2), from = rows(3), range = rows(4),
                counts = rows(5);
+    std::optional<RayDifferentials<WideFloat>> differentials;
+    if (const WideBool followed = range.w != 0.0f; any(followed))
+        differentials = load_differentials(packet, followed);
     return {{vector_of(origin), vector_of(direction), range.x, range.y},
-            {from.w, range.z},
+            {{from.w, range.z}, differentials},
             vector_of(from),
             abs(origin.w),
             as_int(origin.w) < 0,
@@ -109,6 +117,15 @@ PathState<WideFloat> Wavefront::load(const Packet &packet) const {
             as_int(counts.x),
             as_int(counts.y),
             as_int(counts.z)};
+}
+
+RayDifferentials<WideFloat> Wavefront::load_differentials(const Packet &packet, WideBool followed) const {
+    const auto rows = [&](int i) {
+        return load_rows(
+            [&](int k) { return row(&differentials_[static_cast<std::size_t>(packet.paths[k])], i); });
+    };
+    const auto a = rows(0), b = rows(1), c = rows(2);
+    return {{a.x, a.y, a.z}, {a.w, b.x, b.y}, {b.z, b.w, c.x}, {c.y, c.z, c.w}, followed};
 }
 
 std::int32_t Wavefront::sample_of(std::int32_t path) const {
@@ -122,11 +139,16 @@ RayHits Wavefront::load_hits(const Packet &packet) const {
     return {q.x, q.y, q.z, gather(shapes_.data(), index), as_int(q.w), gather(instances_.data(), index)};
 }
 
-PathState<float> Wavefront::one(const StoredPath &stored) {
-    const auto &r = stored.rows;
+PathState<float> Wavefront::one(std::size_t path) const {
+    const auto &r = paths_[path].rows;
     const auto vector = [](const float *v) { return Vec3f{v[0], v[1], v[2]}; };
+    std::optional<RayDifferentials<float>> differentials;
+    if (r[4][3] != 0) {
+        const float *const d = differentials_[path].rows[0];
+        differentials = {vector(d), vector(d + 3), vector(d + 6), vector(d + 9), true};
+    }
     return {{vector(r[0]), vector(r[1]), r[4][0], r[4][1]},
-            {r[3][3], r[4][2]},
+            {{r[3][3], r[4][2]}, differentials},
             vector(r[3]),
             std::abs(r[0][3]),
             std::signbit(r[0][3]),
@@ -138,20 +160,30 @@ PathState<float> Wavefront::one(const StoredPath &stored) {
             as_int(r[5][2])};
 }
 
-Wavefront::StoredPath Wavefront::stored(const PathState<float> &p, std::int32_t sample) {
+void Wavefront::append(const PathState<float> &p, std::int32_t sample) {
     const Vec3f &o = p.ray.origin, &d = p.ray.direction;
-    return {{{o.x, o.y, o.z, std::copysign(p.pdf, p.delta ? -1.0f : 1.0f)},
-             {d.x, d.y, d.z, p.eta},
-             {p.throughput.x, p.throughput.y, p.throughput.z, p.u_event},
-             {p.from.x, p.from.y, p.from.z, p.cone.radius},
-             {p.ray.near, p.ray.far, p.cone.spread, 0},
-             {as_float(p.depth), as_float(p.block), as_float(p.null_transmissions), as_float(sample)}}};
+    const auto &changes = p.footprint.differentials;
+    const bool followed = changes && changes->followed;
+    if (followed) {
+        const auto &[ox, oy, dx, dy, unused] = *changes;
+        next_differentials_[next_count_] = {
+            {{ox.x, ox.y, ox.z, oy.x}, {oy.y, oy.z, dx.x, dx.y}, {dx.z, dy.x, dy.y, dy.z}}};
+    }
+    next_[next_count_++] = {
+        {{o.x, o.y, o.z, std::copysign(p.pdf, p.delta ? -1.0f : 1.0f)},
+         {d.x, d.y, d.z, p.eta},
+         {p.throughput.x, p.throughput.y, p.throughput.z, p.u_event},
+         {p.from.x, p.from.y, p.from.z, p.footprint.cone.radius},
+         {p.ray.near, p.ray.far, p.footprint.cone.spread, followed ? 1.0f : 0.0f},
+         {as_float(p.depth), as_float(p.block), as_float(p.null_transmissions), as_float(sample)}}};
 }
 
 void Wavefront::append(const PathState<WideFloat> &path, const Packet &packet, WideBool active) {
     StoredPath unused;
     StoredPath *to[lanes];
     const unsigned kept = bits(active);
+    const auto &differentials = path.footprint.differentials;
+    if (differentials) store_differentials(*differentials, next_count_, kept);
     for (int k = 0; k < lanes; ++k) to[k] = kept >> k & 1 ? &next_[next_count_++] : &unused;
     const auto store = [&](int i, const Quad<WideFloat> &q) {
         store_rows(q, [&](int k) { return row(to[k], i); });
@@ -160,10 +192,24 @@ void Wavefront::append(const PathState<WideFloat> &path, const Packet &packet, W
     store(0, quad(path.ray.origin, pdf));
     store(1, quad(path.ray.direction, path.eta));
     store(2, quad(Vec3<WideFloat>(path.throughput), path.u_event));
-    store(3, quad(path.from, path.cone.radius));
-    store(4, {path.ray.near, path.ray.far, path.cone.spread, 0});
+    store(3, quad(path.from, path.footprint.cone.radius));
+    const WideBool followed = differentials ? differentials->followed : WideBool(false);
+    store(4, {path.ray.near, path.ray.far, path.footprint.cone.spread,
+              select(followed, WideFloat(1), WideFloat(0))});
     store(5, {as_float(path.depth), as_float(path.block), as_float(path.null_transmissions),
               as_float(lajolla::load(packet.samples))});
+}
+
+void Wavefront::store_differentials(const RayDifferentials<WideFloat> &d, std::size_t first, unsigned kept) {
+    StoredDifferentials unused;
+    StoredDifferentials *to[lanes];
+    for (int k = 0; k < lanes; ++k) to[k] = kept >> k & 1 ? &next_differentials_[first++] : &unused;
+    const auto store = [&](int i, const Quad<WideFloat> &q) {
+        store_rows(q, [&](int k) { return row(to[k], i); });
+    };
+    store(0, {d.origin_dx.x, d.origin_dx.y, d.origin_dx.z, d.origin_dy.x});
+    store(1, {d.origin_dy.y, d.origin_dy.z, d.direction_dx.x, d.direction_dx.y});
+    store(2, {d.direction_dx.z, d.direction_dy.x, d.direction_dy.y, d.direction_dy.z});
 }
 
 void Wavefront::append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, WideInt light,
@@ -217,7 +263,7 @@ void Wavefront::start(std::span<const SampleId> ids, std::size_t first, std::siz
         }
         const auto film = sample_film(scene_, Sampler::cameras(sampler), lajolla::load(x), lajolla::load(y));
         const std::size_t active = std::min(last + 1 - i, static_cast<std::size_t>(lanes));
-        append(Path::start(film.camera), packet, first_lanes(static_cast<int>(active)));
+        append(integrator_.start(scene_, film.camera), packet, first_lanes(static_cast<int>(active)));
         store(weight, film.weight);
         std::copy_n(weight, active, weights.data() + i);
     }
@@ -337,7 +383,7 @@ void Wavefront::follow_one_by_one(std::span<const std::int32_t> paths, Tracer &t
     for (const std::int32_t index : paths) {
         const auto i = static_cast<std::size_t>(index);
         const auto sample = static_cast<std::size_t>(sample_of(index));
-        Path::Walk<Vacuum> walk{one(paths_[i]), Vacuum(), radiance_[sample],
+        Path::Walk<Vacuum> walk{one(i), Vacuum(), radiance_[sample],
                                 light_groups(static_cast<std::int32_t>(sample))};
         const Sampler &sampler = samplers_[sample];
         std::optional<RayHit> found;
@@ -352,14 +398,15 @@ void Wavefront::follow_one_by_one(std::span<const std::int32_t> paths, Tracer &t
         while (goes_on && walk.from_catcher)
             goes_on = integrator_.step(scene_, tracer, sampler, tracer.closest(walk.path.ray), walk);
         radiance_[sample] = walk.radiance;
-        if (goes_on) next_[next_count_++] = stored(walk.path, static_cast<std::int32_t>(sample));
+        if (goes_on) append(walk.path, static_cast<std::int32_t>(sample));
     }
 }
 
 void Wavefront::gather_emission(std::span<const std::int32_t> paths) {
     for_each_packet(paths, [&](const Packet &packet) {
         const auto path = load(packet);
-        add_emission(path, scene_.hit(path.ray, load_hits(packet), packet.active, path.cone, scene_.needs()),
+        add_emission(path,
+                     scene_.hit(path.ray, load_hits(packet), packet.active, path.footprint, scene_.needs()),
                      packet);
     });
 }
@@ -477,7 +524,7 @@ template <class Model>
     for_each_packet(paths, [&](const Packet &packet) {
         const PathState<WideFloat> path = load(packet);
         Hit<WideFloat> hit =
-            scene_.hit(path.ray, load_hits(packet), packet.active, path.cone, scene_.needs());
+            scene_.hit(path.ray, load_hits(packet), packet.active, path.footprint, scene_.needs());
         if (sides != Sides::back_only) add_emission(path, hit, packet);
 
         const Vec3<WideFloat> wo = -path.ray.direction;
@@ -499,7 +546,7 @@ void Wavefront::scatter_tree(const Material &material, std::span<const std::int3
     for_each_packet(paths, [&](const Packet &packet) {
         const PathState<WideFloat> path = load(packet);
         Hit<WideFloat> hit =
-            scene_.hit(path.ray, load_hits(packet), packet.active, path.cone, scene_.needs());
+            scene_.hit(path.ray, load_hits(packet), packet.active, path.footprint, scene_.needs());
         add_emission(path, hit, packet);
 
         Vertex vertex{packet, path, hit, -path.ray.direction, numbers(packet, path)};

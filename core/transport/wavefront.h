@@ -28,9 +28,13 @@ public:
                 std::span<Spectrum> radiance, std::span<float> weights, std::span<Spectrum> groups = {});
 
 private:
-    // A path between two steps, in rows of four numbers that lanes load and store as columns.
+    // A path between two steps, in rows of four numbers that lanes load and store as columns; and the
+    // differentials of its ray.
     struct alignas(16) StoredPath {
         float rows[6][4];
+    };
+    struct alignas(16) StoredDifferentials {
+        float rows[3][4];
     };
     struct alignas(16) StoredHit {
         float distance, b1, b2;
@@ -95,9 +99,12 @@ private:
     template <class F>
     void for_each_packet(std::span<const std::int32_t> paths, F &&f) const;
     PathState<WideFloat> load(const Packet &packet) const;
+    RayDifferentials<WideFloat> load_differentials(const Packet &packet, WideBool followed) const;
     RayHits load_hits(const Packet &packet) const;
     std::int32_t sample_of(std::int32_t path) const;
     void append(const PathState<WideFloat> &path, const Packet &packet, WideBool active);
+    void store_differentials(const RayDifferentials<WideFloat> &differentials, std::size_t first,
+                             unsigned kept);
     void append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, WideInt light, const Packet &packet,
                 WideBool active);
     // Adds light of the lights `light()` from a direction, towards the lights.
@@ -106,8 +113,8 @@ private:
              const Vec3<WideFloat> &direction, F &&light);
     // Where the light of a sample goes by groups.
     LightGroups light_groups(std::int32_t sample) const;
-    static PathState<float> one(const StoredPath &stored);
-    static StoredPath stored(const PathState<float> &path, std::int32_t sample);
+    PathState<float> one(std::size_t path) const;
+    void append(const PathState<float> &path, std::int32_t sample);
 
     void add_emission(const PathState<WideFloat> &path, const Hit<WideFloat> &hit, const Packet &packet);
     void add_direct_light(const Vertex &vertex, const DirectSample<WideFloat> &light,
@@ -131,6 +138,7 @@ private:
 
     std::size_t count_ = 0, next_count_ = 0, shadow_count_ = 0;
     std::vector<StoredPath> paths_, next_;
+    std::vector<StoredDifferentials> differentials_, next_differentials_; // empty if none are followed
     std::vector<StoredHit> hits_;
     std::vector<std::int32_t> shapes_, instances_; // of the hits
     std::vector<StoredShadowRay> shadow_rays_;

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 from lajolla import option_values
 from lajolla.aovs import AOVS
 from lajolla.help_texts import EXAMPLES, GENERAL
-from lajolla.limits import COMPRESSIONS, STRATEGIES
+from lajolla.limits import COMPRESSIONS, FOOTPRINTS, STRATEGIES
 from lajolla.messages import suggestion
 
 STREAMS = {"-": "stdout", "/dev/stdout": "stdout", "/dev/stderr": "stderr"}
@@ -240,6 +240,12 @@ def _add_scene(parser: Parser) -> None:
         choices=STRATEGIES,
         help="how direct light is found: by directions that the BSDF samples, by points that are sampled on "
         "lights, or by both, weighted by multiple importance sampling (mis, the default)",
+    )
+    group.add_argument(
+        "--footprint",
+        choices=FOOTPRINTS,
+        help="how the area that a pixel covers is followed, over which textures with the filters ewa and "
+        "trilinear are filtered: by ray differentials (the default), or as a cone",
     )
     group.add_argument(
         "--hide-emitters",
@@ -525,7 +531,7 @@ def replay_command(arguments: argparse.Namespace, x: int, y: int, sample: int | 
         words += ["--size", "x".join(map(str, arguments.size))]
     if arguments.crop:
         words += ["--crop", ",".join(map(str, arguments.crop))]
-    for flag in ("seed", "sampler", "integrator", "max_depth", "strategy", "sensor"):
+    for flag in ("seed", "sampler", "integrator", "max_depth", "strategy", "footprint", "sensor"):
         if getattr(arguments, flag) is not None:
             words += ["--" + flag.replace("_", "-"), str(getattr(arguments, flag))]
     if arguments.two_sided:

@@ -30,6 +30,7 @@ LIMITS: dict[str, tuple[tuple[int, int], ...]] = {
 COMPRESSIONS = ("none", "rle", "zip", "zips", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab")
 
 STRATEGIES = ("mis", "bsdf", "light")  # of the integrators path and volpath
+FOOTPRINTS = ("differentials", "cone")  # of the same
 
 
 class OptionError(Error, ValueError):

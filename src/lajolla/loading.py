@@ -38,7 +38,8 @@ def load(
         reuse: a scene, such as the last frame of an animation: files that it has read are read again only if
             they have changed, and what is equal in both scenes, such as acceleration structures, is shared.
         options: the fields of `Options` (spp, size, crop, seed, sampler, integrator, max_depth, strategy,
-            sensor, hide_emitters, robust, aovs); other names are parameters that the file must have.
+            footprint, sensor, hide_emitters, robust, aovs); other names are parameters that the file must
+            have.
 
     Raises:
         SceneError: the scene has an error; the message contains the location.

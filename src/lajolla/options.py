@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lajolla.aovs import check_aovs, with_aovs
-from lajolla.limits import LIMITS, STRATEGIES, OptionError, check, check_flag
+from lajolla.limits import FOOTPRINTS, LIMITS, STRATEGIES, OptionError, check, check_flag
 from lajolla.messages import suggestion
 from lajolla.scene import core_schema, plugins_by_kind
 
@@ -22,6 +22,7 @@ class Options:
     integrator: str | None = None  # keeps the scene's parameters that the new one has too
     max_depth: int | None = None  # -1: unlimited, 1: emitters only, 2: direct light
     strategy: str | None = None  # estimators of direct light: "mis", "bsdf" or "light"
+    footprint: str | None = None  # what textures are filtered over: "differentials" or "cone"
     sensor: int | str | None = None  # one of several, by its number from 0 or its id
     hide_emitters: bool | None = None  # lights are invisible to the camera
     robust: bool | None = None  # no ray passes between neighbouring triangles
@@ -38,6 +39,7 @@ class Options:
         _check_name("sampler", self.sampler, lambda: list(core_schema()["sampler"]))
         integrators = plugins_by_kind()["integrator"]
         _check_name("strategy", self.strategy, lambda: list(STRATEGIES))
+        _check_name("footprint", self.footprint, lambda: list(FOOTPRINTS))
         _check_name("integrator", self.integrator, lambda: [plugin.name for plugin in integrators.values()])
 
 
@@ -88,7 +90,8 @@ def _crop_fields(crop: tuple[int, int, int, int], film: Mapping[str, Any]) -> di
 
 
 def _integrator(entry: Mapping[str, Any], options: Options) -> dict[str, Any]:
-    given = {name: getattr(options, name) for name in ("max_depth", "strategy", "hide_emitters")}
+    names = ("max_depth", "strategy", "footprint", "hide_emitters")
+    given = {name: getattr(options, name) for name in names}
     for name, value in given.items():
         if value is not None and name not in _fields(entry):
             raise OptionError(f"the integrator {entry['type']!r} has no {name}")

@@ -49,6 +49,7 @@ def load(arguments: argparse.Namespace, path: Path | None = None) -> lajolla.Sce
             integrator=arguments.integrator,
             max_depth=arguments.max_depth,
             strategy=arguments.strategy,
+            footprint=arguments.footprint,
             sensor=arguments.sensor,
             hide_emitters=arguments.hide_emitters,
             robust=arguments.robust,

@@ -8,6 +8,7 @@
 #include "engine/renderable.h"
 #include "python/arrays.h"
 #include "python/values.h"
+#include "transport/path.h"
 
 namespace lajolla {
 
@@ -102,11 +103,75 @@ nb::dict hit_many(const RenderableScene &self, const Rows<3> &origins, const Row
     result["uv"] = column<float, 2>(hits, [](const Hit<float> &h) { return h.uv; });
     result["distance"] = column<float, 1>(hits, [](const Hit<float> &h) { return h.distance; });
     result["position_error"] = column<float, 1>(hits, [](const Hit<float> &h) { return h.position_error; });
-    result["mean_curvature"] = column<float, 1>(hits, [](const Hit<float> &h) { return h.mean_curvature; });
+    result["mean_curvature"] = column<float, 1>(hits, [](const Hit<float> &h) { return h.mean_curvature(); });
     result["shape"] = column<std::uint32_t, 1>(hits, [](const Hit<float> &h) { return h.shape; });
     result["primitive"] = column<std::uint32_t, 1>(hits, [](const Hit<float> &h) { return h.primitive; });
     result["material"] = column<std::int32_t, 1>(hits, [](const Hit<float> &h) { return h.material; });
     result["emitter"] = column<std::int32_t, 1>(hits, [](const Hit<float> &h) { return h.emitter; });
+    return result;
+}
+
+// Follows a camera ray over `bounces` surfaces, each of which scatters it by the same numbers; returns the
+// hit after them, or nothing, and sets the direction in which the ray arrives, and a number of its
+// primitives.
+std::optional<Hit<float>> hit_after(const Scene &scene, const Vec2f &film, const Vec2f &lens, float u_lobe,
+                                    int bounces, Vec3f &direction, std::uint32_t &route) {
+    CameraRay<float> camera = scene.camera_ray(film, lens);
+    camera.film = film, camera.lens = lens;
+    PathState<float> path = Path{}.start(scene, camera);
+    for (int bounce = 0;; ++bounce) {
+        direction = path.ray.direction;
+        const auto found = scene.accel().closest(path.ray);
+        if (!found) return std::nullopt;
+        route = (route * 31 + found->shape) * 1009 + found->primitive;
+        const Hit<float> hit = scene.hit(path.ray, *found, path.footprint, scene.needs());
+        if (bounce == bounces) return hit;
+        const AnySurface surface = scene.surface(hit, -direction, 0.5f);
+        if (surface.black) return std::nullopt;
+        const BsdfSample<float> sample = surface.sample(u_lobe, {0.5f, 0.5f});
+        if (!sample.valid) return std::nullopt;
+        Path::scatter(scene, hit, surface.departure(hit, sample.wi), sample, surface.delta, path);
+    }
+}
+
+nb::dict differentials_after(const RenderableScene &self, const Rows<2> &film, const Rows<2> &lens,
+                             float u_lobe, int bounces) {
+    const std::size_t n = film.shape(0);
+    require_one_or(lens.shape(0), n, "lens");
+    Table<bool, 1> valid(n), followed(n);
+    Table<std::uint32_t, 1> route(n);
+    Table<float, 2> uv(n), uv_dx(n), uv_dy(n);
+    Table<float, 3> position(n), position_dx(n), position_dy(n), direction(n), direction_dx(n),
+        direction_dy(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        Vec3f arriving;
+        std::uint32_t met = 0;
+        const auto hit = hit_after(*self.scene, pair(film, i), pair(lens, lens.shape(0) == 1 ? 0 : i), u_lobe,
+                                   bounces, arriving, met);
+        const RayDifferentials<float> none{{}, {}, {}, {}, false};
+        const auto d = hit ? hit->footprint.differentials.value_or(none) : none;
+        route.set(i, met);
+        valid.set(i, hit.has_value()), followed.set(i, d.followed);
+        const UvEllipse<float> ellipse = hit ? uv_ellipse(*hit, d) : UvEllipse<float>{};
+        uv.set(i, hit ? hit->uv : Vec2f{}), uv_dx.set(i, ellipse.first * 2.0f),
+            uv_dy.set(i, ellipse.second * 2.0f);
+        position.set(i, hit ? hit->position : Vec3f(0));
+        position_dx.set(i, d.origin_dx), position_dy.set(i, d.origin_dy);
+        direction.set(i, arriving), direction_dx.set(i, d.direction_dx), direction_dy.set(i, d.direction_dy);
+    }
+    nb::dict result;
+    result["valid"] = std::move(valid).to_numpy();
+    result["followed"] = std::move(followed).to_numpy();
+    result["route"] = std::move(route).to_numpy();
+    result["uv"] = std::move(uv).to_numpy();
+    result["uv_dx"] = std::move(uv_dx).to_numpy();
+    result["uv_dy"] = std::move(uv_dy).to_numpy();
+    result["position"] = std::move(position).to_numpy();
+    result["position_dx"] = std::move(position_dx).to_numpy();
+    result["position_dy"] = std::move(position_dy).to_numpy();
+    result["direction"] = std::move(direction).to_numpy();
+    result["direction_dx"] = std::move(direction_dx).to_numpy();
+    result["direction_dy"] = std::move(direction_dy).to_numpy();
     return result;
 }
 
@@ -151,6 +216,11 @@ void bind_scene_statistics(nb::module_ &m) {
     m.def("hit_many", &hit_many, "scene"_a, "origins"_a, "directions"_a,
           "The closest hits of rays (1 or N, 3), (N, 3): a dict of arrays of the fields of a hit, and valid "
           "(N,).");
+    m.def("differentials_after", &differentials_after, "scene"_a, "film"_a, "lens"_a, "u_lobe"_a, "bounces"_a,
+          "Where camera rays through film positions (N, 2) and points of the lens (1 or N, 2) hit a surface "
+          "after so many bounces: a dict of arrays valid, followed (N,), route (N,), alike for rays that met "
+          "the same triangles, uv (N, 2), position, direction (N, 3); and of the changes of these from one "
+          "pixel to the next, uv_dx, uv_dy, and so on.");
     m.def(
         "leave_many", &leave_many, "scene"_a, "origins"_a, "directions"_a, "onward"_a,
         "Where rays (N, 3) that leave the closest hits in directions `onward` (1 or N, 3) start; NaN without "

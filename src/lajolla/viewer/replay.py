@@ -19,6 +19,7 @@ OPTIONS = (
     "integrator",
     "max_depth",
     "strategy",
+    "footprint",
     "sensor",
     "hide_emitters",
     "robust",

@@ -371,6 +371,7 @@ def _path(translation: Translation, read: Node, node: Node) -> Node | None:
     mine = {
         "strategy": ("mis",),
         "heuristic": ("power",),
+        "footprint": (),
         "version": (5, 6),
     }  # names that only we have, and what Mitsuba does
     lost = [name for name, values in mine.items() if (p := node.find(name)) and p.value not in values]
