@@ -114,14 +114,23 @@ def studio(width: int = 256, height: int = 128) -> np.ndarray:
     return image
 
 
-def write_ply(name: str, columns: dict[str, np.ndarray], faces: np.ndarray) -> None:
-    """Writes a binary PLY file with the named float vertex columns and triangles (N, 3)."""
-    count = len(next(iter(columns.values())))
+def write_ply(
+    name: str,
+    columns: dict[str, np.ndarray],
+    faces: np.ndarray,
+    face_columns: dict[str, np.ndarray] | None = None,
+) -> None:
+    """Writes a binary PLY file with the named float columns of vertices and of triangles (N, 3)."""
+    count, named = len(next(iter(columns.values()))), face_columns or {}
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {count}"]
     header += [f"property float {column}" for column in columns]
-    header += [f"element face {len(faces)}", "property list uchar ushort vertex_indices", "end_header\n"]
-    rows = np.zeros(len(faces), dtype=[("count", "u1"), ("index", "<u2", 3)])
+    header += [f"element face {len(faces)}", "property list uchar ushort vertex_indices"]
+    header += [*(f"property float {column}" for column in named), "end_header\n"]
+    fields = [(column, "<f4") for column in named]
+    rows = np.zeros(len(faces), dtype=[("count", "u1"), ("index", "<u2", 3), *fields])
     rows["count"], rows["index"] = 3, faces
+    for column, values in named.items():
+        rows[column] = values
     vertices = np.stack(list(columns.values()), axis=1).astype("<f4")
     (FOLDER / "meshes" / name).write_bytes("\n".join(header).encode() + vertices.tobytes() + rows.tobytes())
 
@@ -259,6 +268,64 @@ def write_ptex(name: str, pictures: np.ndarray, faces: np.ndarray) -> None:
     (FOLDER / "textures" / name).write_bytes(content)
 
 
+def planet(directions: np.ndarray) -> np.ndarray:
+    """The colours of a planet, sRGB, in unit directions (..., 3): seas, land and ice with sharp coasts."""
+    rng = np.random.default_rng(11)
+    height = sum(
+        noise3(rng, directions / 2 + 0.5, c) * w for c, w in ((3, 1), (6, 0.6), (12, 0.4), (24, 0.25))
+    )
+    deep, shallow = np.array([0.05, 0.15, 0.38]), np.array([0.16, 0.44, 0.62])
+    low, high = np.array([0.28, 0.46, 0.18]), np.array([0.62, 0.50, 0.32])
+    up = height[..., None]
+    sea = shallow + (deep - shallow) * np.clip(-2 * up, 0, 1)
+    land = low + (high - low) * np.clip(1.6 * up, 0, 1)
+    colours = np.where(up > 0, land, sea)
+    ice = np.abs(directions[..., 1]) + 0.18 * height > 0.86
+    return np.where(ice[..., None], np.array([0.92, 0.94, 0.96]), colours)
+
+
+def planet_picture(width: int = 1024) -> np.ndarray:
+    """The planet in latitude and longitude, for the texture coordinates of `planet_mesh`."""
+    v, u = (np.mgrid[0 : width // 2, 0:width] + 0.5) / np.array([width // 2, width])[:, None, None]
+    return planet(on_sphere(u, 1 - v))
+
+
+def on_sphere(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Unit directions (..., 3) of longitude u and latitude v, both in [0, 1]; v = 1 is +y."""
+    around, down = 2 * np.pi * u, np.pi * (1 - v)
+    ring = np.sin(down)
+    return np.stack([ring * np.cos(around), np.cos(down), -ring * np.sin(around)], axis=-1)
+
+
+def planet_mesh(columns: int) -> tuple[dict[str, np.ndarray], np.ndarray, dict[str, np.ndarray]]:
+    """A sphere of 2 x columns x (columns / 2 - 1) triangles, with colours at its vertices and its faces."""
+    rows = columns // 2
+    v, u = (
+        axis.ravel()
+        for axis in np.mgrid[0 : rows + 1, 0 : columns + 1] / np.array([rows, columns])[:, None, None]
+    )
+    place = on_sphere(u, v)
+    row, column = (axis.ravel() for axis in np.mgrid[0:rows, 0:columns])
+    a = row * (columns + 1) + column
+    b = a + columns + 1
+    lower, upper = (
+        np.stack([a, a + 1, b + 1], axis=-1)[row > 0],
+        np.stack([a, b + 1, b], axis=-1)[row < rows - 1],
+    )
+    faces = np.concatenate([lower, upper])
+    middle = place[faces].sum(axis=1)
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    names = ("x", "y", "z", "nx", "ny", "nz", "u", "v", "r", "g", "b")
+    vertices = np.concatenate([place, place, np.stack([u, v], axis=1), linear(planet(place))], axis=1)
+    colours = dict(zip(("r", "g", "b"), linear(planet(middle)).T, strict=True))
+    return dict(zip(names, vertices.T, strict=True)), faces, colours
+
+
+def linear(srgb: np.ndarray) -> np.ndarray:
+    """Linear values of sRGB ones."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
 def main() -> None:
     """Writes every file."""
     rng = np.random.default_rng(2026)
@@ -278,6 +345,9 @@ def main() -> None:
     write_ptex("knob-relief.ptx", 1 - depth, faces)
     glaze, clay = np.array([0.93, 0.90, 0.82]), np.array([0.16, 0.36, 0.55])
     write_ptex("knob.ptx", glaze * (1 - depth) + clay * depth, faces)
+    write_image("planet.jpg", planet_picture(), 85)
+    for columns in (16, 64):
+        write_ply(f"planet-{columns}.ply", *planet_mesh(columns))
     write_volume("smoke.vol", plume(np.random.default_rng(7)))
 
 

@@ -124,3 +124,12 @@ def test_layers_and_mattes(blender_python: str, options: dict[str, Any], tmp_pat
         expected = scene_of(names).render(spp=32, seed=5).array[..., 0]
         assert ((expected > 0.1) & (expected < 0.9)).sum() > 10, names
         np.testing.assert_allclose(matte, expected, atol=1e-5, err_msg=str(names))
+
+
+def test_the_exported_scene_of_the_book(blender_python: str, repository: Path, tmp_path: Path) -> None:
+    folder = repository / "scenes" / "book" / "blender"
+    command = [blender_python, str(folder / "make_scene.py"), str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert (tmp_path / "scene.xml").read_text() == (folder / "scene.xml").read_text()
+    assert lajolla.load(tmp_path / "scene.xml", size=(6, 4)).warnings == []

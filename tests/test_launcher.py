@@ -87,6 +87,16 @@ def test_a_read_only_checkout_is_built_in_the_cache(checkout: Path) -> None:
     assert launch(checkout, "list", read_only=True).stderr == ""  # it is built now
 
 
+def test_docs_install_their_packages_once(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("KATEX", "/anywhere")  # instead of a system package
+    make_environment(checkout, checkout)
+    result = launch(checkout, "docs", "a b")
+    assert result.stdout == f"{checkout}/.venv/bin/python {checkout}/docs/site/build.py a b\n", result.stderr
+    assert "-e .[docs]\n" in (checkout / "build" / "setup.log").read_text()
+    assert launch(checkout, "docs").stderr == ""
+    assert not (checkout / ".venv" / "lajolla-tested").exists()  # they are not all of the tests' packages
+
+
 @pytest.mark.skipif(not can_block(), reason="env has no --block-signal")
 def test_interrupts_wait_until_python_hears_them(checkout: Path) -> None:
     tells = "if sys.argv[1] == '-m': print(signal.pthread_sigmask(signal.SIG_BLOCK, []))"

@@ -50,8 +50,8 @@ def commands(text: str) -> list[list[str]]:
 
 def test_commands_run(readme: str, clone: Path) -> None:
     """In the order shown, in small: later ones use the pictures of earlier ones."""
-    # `test` is the launcher's, which runs this, and `view` ends when it is told to (test_viewer.py).
-    own = [words for words in commands(readme) if words[0] not in ("test", "view")]
+    # `test` and `docs` are the launcher's, and `view` ends when it is told to (test_viewer.py).
+    own = [words for words in commands(readme) if words[0] not in ("test", "docs", "view")]
     assert own
     for words in own:
         quick = [] if "--help" in words else QUICK.get(words[0], [])
@@ -64,7 +64,7 @@ def test_commands_run(readme: str, clone: Path) -> None:
     assert (clone / "cornell-box.exr").is_file() and (clone / "cornell-box.png").is_file()
 
 
-@pytest.mark.parametrize("page", ["rendering", "outputs", "denoising"])
+@pytest.mark.parametrize("page", ["rendering", "outputs", "denoising", "comparing"])
 def test_commands_of_docs_run(page: str, repository: Path, clone: Path) -> None:
     """In the order shown, in small, with the Cornell box as scene.xml."""
     scene = (repository / "scenes" / "cornell-box.xml").read_text()
@@ -149,7 +149,8 @@ def compiler(repository: Path) -> str:
 
 @pytest.mark.parametrize(
     "name",
-    "README.md CHANGELOG.md CONTRIBUTING.md docs docs/notebooks bench/README.md scenes/README.md".split(),
+    "README.md CHANGELOG.md CONTRIBUTING.md docs docs/book docs/notebooks bench/README.md "
+    "scenes/README.md".split(),
 )
 def test_links_lead_somewhere(repository: Path, name: str) -> None:
     start = repository / name

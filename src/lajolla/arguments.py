@@ -138,8 +138,8 @@ def is_standard_output(path: Path | None) -> bool:
 
 
 def _refuse_command(word: str, commands: list[str]) -> NoReturn:
-    if word == "test":
-        raise UsageError("'test' belongs to a checkout of the source code: ./lajolla test")
+    if word in ("test", "docs"):
+        raise UsageError(f"{word!r} belongs to a checkout of the source code: ./lajolla {word}")
     if word.lower().endswith(".xml"):
         raise UsageError(f"a command is required; did you mean: lajolla render {shlex.quote(word)}")
     raise UsageError(f"unknown command {word!r}{suggestion(word, commands)}")

@@ -24,6 +24,7 @@ def catalog() -> Catalog:
         merged.setdefault(kind, {}).update(models)
     for kind in ("bsdf", "emitter"):  # with their common properties
         merged[kind] = {plugin.name: plugin.described() for plugin in plugins_by_kind()[kind].values()}
+    del merged["film"]["film"]  # the common part of the films, which scenes cannot name
     merged["aov"] = {name: {"doc": variable.doc, "fields": []} for name, variable in AOVS.items()}
     return merged
 
@@ -56,14 +57,16 @@ def _parameters(kind: str, name: str, model: Mapping[str, Any]) -> Iterator[str]
     yield f"{kind} {name}: {model['doc']}"
     if not model["fields"]:
         yield "  no parameters"
-    columns = [(field["name"], field["type"], _default(field), _range(field)) for field in model["fields"]]
+    columns = [
+        (field["name"], field["type"], default_text(field), range_text(field)) for field in model["fields"]
+    ]
     widths = [max((len(row[i]) for row in columns), default=0) for i in range(4)]
     for row, field in zip(columns, model["fields"], strict=True):
         cells = "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True))
         yield f"  {cells}  {field['doc']}".rstrip()
 
 
-def _default(field: Mapping[str, Any]) -> str:
+def default_text(field: Mapping[str, Any]) -> str:
     value = field["default"]
     unit = f" {field['unit']}" if field["unit"] else ""
     return "" if value is None else f"= {_text(value)}{unit}"
@@ -83,7 +86,7 @@ def _text(value: object) -> str:
     return str(value)
 
 
-def _range(field: Mapping[str, Any]) -> str:
+def range_text(field: Mapping[str, Any]) -> str:
     low, high = field["minimum"], field["maximum"]
     if field["choices"]:
         return "one of " + ", ".join(field["choices"])

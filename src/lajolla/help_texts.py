@@ -8,7 +8,7 @@ examples:
 
 Errors end with exit code 1, interrupts with 130. Messages on a terminal are coloured, unless NO_COLOR is set;
 FORCE_COLOR colours them everywhere. In a checkout of the source code, './lajolla test [PYTEST OPTIONS]' runs
-the tests."""
+the tests, and './lajolla docs [FOLDER]' builds the documentation as a site."""
 
 EXAMPLES = {
     "render": """\
