@@ -275,7 +275,7 @@ class Params(Mapping[str, Any]):
         return SceneError(reason_of(problem))
 
     def _has(self, found: SceneObject, param: str) -> bool:
-        if param in self._params_of(found) or (param in found.fields and self._applies(found, param)):
+        if (param in found.fields and self._applies(found, param)) or param in self._params_of(found):
             return True
         return "mesh" in found.fields and param.startswith(ATTRIBUTES) and param not in OTHER_NAMES
 
