@@ -212,6 +212,17 @@ def test_options_and_parameters_of_load(path: Path) -> None:
         sampled.save(path.with_name("sampled.xml"))
 
 
+@pytest.mark.parametrize("robust", [False, True])
+@pytest.mark.parametrize("said", ["", "true", "false"])
+def test_the_option_robust_is_written(said: str, robust: bool, path: Path) -> None:
+    element = f'<boolean name="embree_use_robust_intersections" value="{said}"/>'
+    path.write_text(SCENE.replace("<emitter", f"{element if said else ''}<emitter"))
+    scene = lajolla.load(path, robust=robust)
+    target = path.with_name("other.xml")
+    scene.save(target)
+    assert bool(lajolla.load(target).description.core.get("robust")) == robust
+
+
 def test_a_computed_sky_becomes_a_picture(path: Path) -> None:
     """Sun and sky are two lights of one element; and the integrator inside of another one is changed."""
     inside = (

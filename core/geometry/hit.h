@@ -66,6 +66,7 @@ struct Lift {
     Vec3<Float> front, back;
 
     static BoolOf<Float> is_raised(const Vec3<Float> &lift) { return !(lift == Vec3<Float>(0)); }
+    BoolOf<Float> is_raised() const { return is_raised(front) || is_raised(back); }
 };
 
 // A vertex of a path on a surface.
@@ -78,7 +79,7 @@ struct Hit {
     Vec2<Float> barycentric, uv;
     Float distance;                  // along the ray that found it
     Float position_error;            // maximum distance of the true surface from `position`
-    std::optional<Lift<Float>> lift; // none where materials do not ask for it
+    std::optional<Lift<Float>> lift; // none where it is zero; of lanes, where it is zero in all of them
     Footprint<Float> footprint;
     std::optional<NormalChange<Float>> dn; // none on flat surfaces, or where it is not needed
     std::optional<UvChange<Float>> duv;    // none if dp_du and dp_dv are the derivatives by u and v
@@ -248,14 +249,19 @@ struct Departure {
     Vec3<Float> origin;  // of the ray
 };
 template <class Float>
+Vec3<Float> off_surface(const Hit<Float> &hit, BoolOf<Float> front) {
+    return hit.normal * select(front, hit.position_error, -hit.position_error);
+}
+template <class Float>
 Departure<Float> depart(const Hit<Float> &hit, const Vec3<Float> &direction) {
-    return {dot(hit.normal, direction) >= 0.0f, hit.position, leave(hit, direction)};
+    const auto front = dot(hit.normal, direction) >= 0.0f;
+    return {front, hit.position, hit.position + off_surface(hit, front)};
 }
 // The same on one side of a hit with a lift, whatever the direction.
 template <class Float>
 Departure<Float> depart_lifted(const Hit<Float> &hit, BoolOf<Float> front) {
     const Vec3<Float> vertex = hit.position + select(front, hit.lift->front, hit.lift->back);
-    return {front, vertex, vertex + hit.normal * select(front, hit.position_error, -hit.position_error)};
+    return {front, vertex, vertex + off_surface(hit, front)};
 }
 
 // The largest coordinates that entered a position, in units of 32 ulps: intersection and interpolation each
@@ -339,6 +345,7 @@ inline void set_lane(Hit<WideFloat> &hits, int k, const Hit<float> &hit) {
     hits.barycentric.x.v[k] = hit.barycentric.x, hits.barycentric.y.v[k] = hit.barycentric.y;
     hits.uv.x.v[k] = hit.uv.x, hits.uv.y.v[k] = hit.uv.y;
     hits.position_error.v[k] = hit.position_error;
+    if (hit.lift && !hits.lift) hits.lift.emplace();
     if (hits.lift) {
         const Lift<float> lift = hit.lift.value_or(Lift<float>{});
         set_lane(hits.lift->front, k, lift.front), set_lane(hits.lift->back, k, lift.back);

@@ -48,6 +48,7 @@ void Instance::place(Hit<float> &hit) const {
     if (hit.lift) {
         hit.lift->front = clear_lift(to_world.vector(hit.lift->front), hit.normal, hit.position_error);
         hit.lift->back = clear_lift(to_world.vector(hit.lift->back), -hit.normal, hit.position_error);
+        if (!hit.lift->is_raised()) hit.lift.reset();
     }
 }
 

@@ -192,17 +192,19 @@ Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count) {
     return part;
 }
 
-Mesh with_smooth_normals(const Mesh &mesh, float max_angle, NormalWeights weights) {
+Mesh with_smooth_normals(const Mesh &mesh, const Transform &to_world, float max_angle,
+                         NormalWeights weights) {
     const std::size_t face_count = mesh.triangles.size();
     std::vector<Vec3f> face_normals(face_count);
     std::unordered_map<Vec3f, std::vector<Corner>, PositionHash> corners_at;
     for (std::uint32_t f = 0; f < face_count; ++f) {
-        const auto corner = [&](std::size_t k) { return mesh.positions[mesh.triangles[f][k % 3]]; };
+        const auto position = [&](std::size_t k) { return mesh.positions[mesh.triangles[f][k % 3]]; };
+        const auto corner = [&](std::size_t k) { return to_world.point(position(k)); };
         const auto shape = [&](std::size_t k) {
             return corner_shape(corner(k + 1) - corner(k), corner(k + 2) - corner(k), weights);
         };
         face_normals[f] = shape(0).normal;
-        for (std::size_t k = 0; k < 3; ++k) corners_at[corner(k)].push_back({f, shape(k).weight});
+        for (std::size_t k = 0; k < 3; ++k) corners_at[position(k)].push_back({f, shape(k).weight});
     }
 
     Mesh result;
@@ -236,6 +238,7 @@ Mesh with_smooth_normals(const Mesh &mesh, float max_angle, NormalWeights weight
             if (!mesh.uvs.empty()) result.uvs.push_back(mesh.uvs[old]);
         }
 
+    for (Vec3f &n : result.normals) n = unit_or_zero(to_world.transposed_vector(n));
     copy_attributes(mesh, source, {}, result);
     return result;
 }

@@ -74,6 +74,7 @@ Mesh part_of(const Mesh &mesh, std::size_t first_triangle, std::size_t count);
 
 // The same where faces whose normals differ by more than `max_angle` (radians) keep a hard edge: their
 // vertices are split.
-Mesh with_smooth_normals(const Mesh &mesh, float max_angle, NormalWeights weights = NormalWeights::angle);
+Mesh with_smooth_normals(const Mesh &mesh, const Transform &to_world, float max_angle,
+                         NormalWeights weights = NormalWeights::angle);
 
 } // namespace lajolla

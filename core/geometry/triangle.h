@@ -11,7 +11,7 @@ struct HitNeeds {
     bool uvs = true;       // uv
     bool tangents = true;  // dp_du, dp_dv
     bool curvature = true; // dn; not without tangents
-    bool lift = false;     // of materials that have one
+    bool lift = false;     // the smooth position, of vertex normals
 };
 
 template <class Float>
@@ -84,15 +84,15 @@ void fill_triangle(const TriangleCorners<Float> &p, const TriangleNormals<Float>
     }
     hit.normal = select(flipped, -normal, normal);
     hit.shading_normal = select(flipped, -shading, shading);
-    if (hit.lift && any(normals.present)) {
+    if (needs.lift && any(normals.present)) {
         const auto lift = [&](float sign) {
             const Vec3<Float> found = smooth_lift(p, normals, hit.position, b0, b1, b2, sign);
             return select(normals.present, clear_lift(found, normal * sign, hit.position_error),
                           Vec3<Float>(0));
         };
         const Vec3<Float> above = lift(1), below = lift(-1);
-        hit.lift->front = select(flipped, below, above);
-        hit.lift->back = select(flipped, above, below);
+        const Lift<Float> both{select(flipped, below, above), select(flipped, above, below)};
+        if (any(both.is_raised())) hit.lift = both;
     }
 
     hit.barycentric = {b1, b2};

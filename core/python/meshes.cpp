@@ -131,8 +131,12 @@ NormalWeights weights_called(nb::handle name) {
     return result;
 }
 
-std::shared_ptr<LoadedMesh> smoothed(const LoadedMesh &mesh, float max_angle_degrees, nb::handle weights) {
-    return changed(mesh, with_smooth_normals(mesh, max_angle_degrees * pi / 180, weights_called(weights)));
+std::shared_ptr<LoadedMesh> smoothed(const LoadedMesh &mesh, nb::handle to_world, float max_angle_degrees,
+                                     nb::handle weights) {
+    Transform matrix;
+    read_value(to_world, matrix, "to_world");
+    const float max_angle = max_angle_degrees * pi / 180;
+    return changed(mesh, with_smooth_normals(mesh, matrix, max_angle, weights_called(weights)));
 }
 
 std::shared_ptr<LoadedMesh> with_normals(const LoadedMesh &mesh, nb::handle to_world, nb::handle weights) {
@@ -290,12 +294,11 @@ void bind_meshes(nb::module_ &m) {
         .def_ro("groups", &LoadedMesh::groups,
                 "(material name, first face, number of faces) of an OBJ file's usemtl.")
         .def_ro("material_libraries", &LoadedMesh::material_libraries, "File names of an OBJ file's mtllib.")
-        .def(
-            "with_smooth_normals", &smoothed, "max_angle_degrees"_a, "weights"_a = "angle",
-            "A mesh with vertex normals, in which faces count by their \"angle\", \"area\" or as of \"max\"; "
-            "edges with a larger angle stay hard.")
+        .def("with_smooth_normals", &smoothed, "to_world"_a, "max_angle_degrees"_a, "weights"_a = "angle",
+             "A mesh with vertex normals, in which faces count by their \"angle\" or \"area\", or by Max's "
+             "weights (\"max\"), as they are in the world; edges with a larger angle stay hard.")
         .def("with_vertex_normals", &with_normals, "to_world"_a, "weights"_a = "angle",
-             "A mesh with such normals at its vertices, as they are in the world.")
+             "A mesh with such normals at its vertices, none of whose edges is hard.")
         .def("part", &part, "first_face"_a, "count"_a, "A mesh of consecutive faces.")
         .def_ro("face_normals", &LoadedMesh::face_normals, "Whether the file asks for flat faces.")
         .def_ro("mended", &LoadedMesh::mended,

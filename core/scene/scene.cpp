@@ -148,10 +148,11 @@ Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const Footprin
     hit.emitter = slot.emitter;
     hit.interior = slot.interior;
     hit.exterior = slot.exterior;
-    if (needs.lift && materials_->terminator(slot.material) == Terminator::hanika) hit.lift.emplace();
+    HitNeeds own = needs;
+    own.lift = needs.lift && materials_->terminator(slot.material) == Terminator::hanika;
     if (found.instance != RayHit::no_instance) [[unlikely]]
-        fill_in_instance(ray, found, needs, hit);
-    else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, needs, hit); });
+        fill_in_instance(ray, found, own, hit);
+    else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, own, hit); });
     hit.footprint.move(footprint, ray.direction, found.distance, hit.normal);
     return hit;
 }
@@ -185,15 +186,9 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     result.material = as_int(slots.x), result.emitter = as_int(slots.y);
     result.interior = as_int(slots.z), result.exterior = as_int(slots.w);
 
-    unsigned lifted = 0;
-    if (needs.lift)
-        for (int k = 0; k < lanes; ++k)
-            if (materials_->terminator(result.material[k]) == Terminator::hanika) lifted |= 1u << k;
-    if (lifted) result.lift.emplace();
-
     static constexpr float nothing[4]{};
     const float *positions[3][lanes], *normals[3][lanes], *uvs[3][lanes];
-    unsigned others = 0, with_normals = 0, with_uvs = 0, flipped = 0; // one bit a lane
+    unsigned others = 0, with_normals = 0, with_uvs = 0, flipped = 0, lifted = 0; // one bit a lane
     for (int k = 0; k < lanes; ++k) {
         const MeshArrays &mesh = meshes_[static_cast<std::size_t>(hits.shape[k])];
         const unsigned bit = 1u << k;
@@ -206,6 +201,8 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
         const Triangle &t = mesh.triangles[hits.primitive[k]];
         with_normals |= mesh.normals ? bit : 0, with_uvs |= mesh.uvs ? bit : 0;
         flipped |= mesh.flip_normals ? bit : 0;
+        if (needs.lift && mesh.normals && materials_->terminator(result.material[k]) == Terminator::hanika)
+            lifted |= bit;
         for (std::size_t corner = 0; corner < 3; ++corner) {
             positions[corner][k] = &mesh.positions[t[corner]].x;
             normals[corner][k] = mesh.normals ? &mesh.normals[t[corner]].x : nothing;
@@ -229,10 +226,13 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     TriangleUvs<WideFloat> triangle_uvs;
     if (with_uvs && (needs.uvs || needs.tangents))
         triangle_uvs = {mask_of(with_uvs), pair(uvs[0]), pair(uvs[1]), pair(uvs[2])};
-    fill_triangle(corners, triangle_normals, triangle_uvs, mask_of(flipped), hits.b1, hits.b2, needs, result);
-    if (lifted) {
+    HitNeeds own = needs;
+    own.lift = lifted != 0;
+    fill_triangle(corners, triangle_normals, triangle_uvs, mask_of(flipped), hits.b1, hits.b2, own, result);
+    if (result.lift) {
         result.lift->front = select(mask_of(lifted), result.lift->front, Vec3<WideFloat>(0));
         result.lift->back = select(mask_of(lifted), result.lift->back, Vec3<WideFloat>(0));
+        if (!any(result.lift->is_raised())) result.lift.reset();
     }
 
     if (others)

@@ -46,7 +46,7 @@ private:
 
     // Scatters a path at a surface. Returns whether it is to be followed from there.
     template <class Medium>
-    static bool follows(const Scene &scene, const Sampler &sampler, const Hit<float> &hit,
+    static bool follows(const Scene &scene, Tracer &tracer, const Sampler &sampler, Hit<float> hit,
                         Path::Walk<Medium> &walk);
 
     // The feature of a path that ends at a point with this normal, where it has been scattered.
@@ -61,9 +61,10 @@ private:
 };
 
 template <class Medium>
-bool Features::follows(const Scene &scene, const Sampler &sampler, const Hit<float> &hit,
+bool Features::follows(const Scene &scene, Tracer &tracer, const Sampler &sampler, Hit<float> hit,
                        Path::Walk<Medium> &walk) {
     PathState<float> &path = walk.path;
+    lower_lift(tracer, true, hit);
     const AnySurface surface = scene.surface(hit, -path.ray.direction, path.u_event);
     if (!surface.black && !surface.delta)
         if (const auto colour = scene.diffuse_colour(hit, -path.ray.direction, path.u_event)) {
@@ -112,7 +113,7 @@ Spectrum Features::trace(const Scene &scene, Tracer &tracer, const Sampler &samp
         }
         const Vec3f wo = -path.ray.direction;
         const float u_event = path.u_event; // selects the leaf of a blend
-        if (outcome == Path::Outcome::ended || !follows(scene, sampler, hit, walk))
+        if (outcome == Path::Outcome::ended || !follows(scene, tracer, sampler, hit, walk))
             return value(walk, scene.mapped_normal(hit, wo, u_event));
     }
 }

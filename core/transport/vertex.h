@@ -79,6 +79,7 @@ void lower_lift(Tracer &tracer, BoolOf<Float> active, Hit<Float> &hit) {
     };
     lower(hit.lift->front);
     lower(hit.lift->back);
+    if (!any(hit.lift->is_raised())) hit.lift.reset();
 }
 
 } // namespace lajolla

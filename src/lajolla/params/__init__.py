@@ -31,6 +31,7 @@ from lajolla.params.objects import (
 )
 from lajolla.params.values import WITH_OBJECTS, fixed, mesh_array, mesh_names, readable
 from lajolla.scene import Description, Objects, Places, SceneError, plugins_by_kind, reason_of
+from lajolla.scene.description.plugins.meshes import WEIGHTS
 from lajolla.scene.formats.mesh_arrays import ATTRIBUTES, OTHER_NAMES
 from lajolla.scene.schema import Field, terminator_field
 
@@ -200,6 +201,8 @@ class Params(Mapping[str, Any]):
             hint = nearest_hint(str(path), known) or "; scene.params lists all"
         elif param in OTHER_NAMES and "mesh" in found.fields:
             hint = f"; did you mean {f'{name}.{OTHER_NAMES[param]}'!r}?"
+        elif param == WEIGHTS and param in found.fields:
+            hint = f": the normals of {name} are not computed"
         elif parts := combined.parts_of(found, param):
             hint = f": it stands for {' and '.join(parts)}"
         else:
@@ -272,7 +275,7 @@ class Params(Mapping[str, Any]):
         return SceneError(reason_of(problem))
 
     def _has(self, found: SceneObject, param: str) -> bool:
-        if param in found.fields or param in self._params_of(found):
+        if (param in found.fields and self._applies(found, param)) or param in self._params_of(found):
             return True
         return "mesh" in found.fields and param.startswith(ATTRIBUTES) and param not in OTHER_NAMES
 
@@ -281,7 +284,7 @@ class Params(Mapping[str, Any]):
         for field in found.fields.values():
             if field.type == "mesh":
                 yield from mesh_names(self._entry(found)["mesh"])
-            elif field.type != "bsdf":
+            elif field.type != "bsdf" and self._applies(found, field.name):
                 yield field.name
         if found.kind == "film":
             yield "size"
@@ -292,6 +295,13 @@ class Params(Mapping[str, Any]):
             yield "medium"
         elif self._slot(found) is not None:
             yield TERMINATOR
+
+    def _applies(self, found: SceneObject, field: str) -> bool:
+        """Whether a field can change anything: weights only change normals that are computed."""
+        if field != WEIGHTS:
+            return True
+        mesh = self._entry(found)["mesh"]
+        return mesh.computed_normals or mesh.normals is None
 
     def _entry(self, found: SceneObject) -> Mapping[str, Any]:
         entry = self._lists.entry(found.entry)

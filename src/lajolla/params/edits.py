@@ -10,7 +10,7 @@ import numpy as np
 
 from lajolla import _core
 from lajolla.params.materials import Material, Materials, reference
-from lajolla.params.objects import MATERIAL, Entry, Lists, SceneObject, place_of, rows_in
+from lajolla.params.objects import MATERIAL, Entry, Lists, SceneObject, entry_name, place_of, rows_in
 from lajolla.params.textures import (
     USERS,
     arranged,
@@ -205,7 +205,7 @@ class Edits:
                 f'"{value}" has other sides on several shapes; name one of them: {", ".join(names[:12])}'
             )
             raise SceneError(message, self._editor.location(path))
-        return self._materials.slot(front, -1, self._known.terminator)
+        return self._materials.slot(front, -1, self._materials.terminator(entry_name(front)))
 
     def set_terminator(self, found: SceneObject, value: object, path: str) -> None:
         """Changes what the materials do whose outermost bsdf this is.
@@ -213,7 +213,7 @@ class Edits:
         Raises:
             SceneError: the value is none of the choices.
         """
-        given = self._editor.value("material", "material", terminator_field(), value, path)
+        given = self._editor.value("bsdf", found.model, terminator_field(), value, path)
         self._materials.set_terminator(found, given)
 
     def _spare(self, value: object) -> tuple[Material, Material, str] | None:
@@ -421,9 +421,16 @@ class Edits:
         made, known = self._materials, self._known
         if not made.added:
             return known
-        ids = {name: own for name, own in known.ids.items() if name not in made.added}
-        plugins = {name: own for name, own in known.plugins.items() if name not in made.added}
-        return replace(known, ids={**ids, **made.ids}, plugins={**plugins, **made.plugins})
+
+        def merged(before: Mapping[str, str], new: Mapping[str, str]) -> dict[str, str]:
+            return {**{name: own for name, own in before.items() if name not in made.added}, **new}
+
+        return replace(
+            known,
+            ids=merged(known.ids, made.ids),
+            plugins=merged(known.plugins, made.plugins),
+            terminators=merged(known.terminators, made.terminators),
+        )
 
     def description(self) -> dict[str, Any]:
         """The description with all changes; call `changes` before."""

@@ -44,6 +44,7 @@ class Materials:
         self.added: set[str] = set()  # names of new entries, with their
         self.ids: dict[str, str] = {}
         self.plugins: dict[str, str] = {}
+        self.terminators: dict[str, str] = {}
 
     def entry(self, name: str) -> Entry:
         """An entry, with its changes."""
@@ -70,6 +71,7 @@ class Materials:
                 self.copies[key] = new = self._add(name.partition("[")[0], content)
                 if name in self._known.plugins:
                     self.plugins[new] = self._known.plugins[name]
+                self.terminators[new] = self.terminator(name)
             return reference(self.copies[key])
 
         where, at = place_of(found.owner)
@@ -93,10 +95,24 @@ class Materials:
         return found[0] if found else place_of(self._add("materials", slot))[1]
 
     def set_terminator(self, found: SceneObject, value: str) -> None:
-        """Changes what is done at the terminator, wherever a bsdf or an adapter is the outermost one."""
-        for index in self.slots_of(reference(found.entry)):
-            name = f"materials[{index}]"
-            self._entries[name] = with_terminator(self.entry(name), value)
+        """Changes what is done at the terminator, wherever a bsdf or an adapter is the outermost one.
+
+        Others than the first material keep theirs if it differs: what is around the bsdf there sets it.
+        """
+        slots = {
+            name: self.entry(name)
+            for i in self.slots_of(reference(found.entry))
+            for name in [f"materials[{i}]"]
+        }
+        shown = terminator_of(next(iter(slots.values())))
+        for name, slot in slots.items():
+            if terminator_of(slot) == shown:
+                self._entries[name] = with_terminator(slot, value)
+
+    def terminator(self, entry: str) -> str:
+        """What a bsdf or an adapter does at the terminator where it becomes the outermost one."""
+        own = self.terminators.get(entry) or self._known.terminators.get(entry)
+        return own or self._known.terminator
 
     def slots_of(self, front: Material) -> list[int]:
         """The indices of the material slots with this bsdf or adapter on the front."""
@@ -119,6 +135,7 @@ class Materials:
             at[name] = self._add(name.partition("[")[0], content)
         self.ids |= {at[name]: own for name, own in made.ids.items()}
         self.plugins |= {at[name]: own for name, own in made.plugins.items()}
+        self.terminators |= {at[name]: own for name, own in made.terminators.items()}
         return placed(made.front), placed(made.back), made.terminator
 
     def drop(self, *paths: str) -> None:

@@ -19,6 +19,7 @@ from lajolla.params.objects import (
 )
 from lajolla.params.values import WITH_OBJECTS
 from lajolla.saving.values import differing_arrays, equal, material_entry
+from lajolla.scene.schema import ROBUST
 
 OUTPUTS = ("other_integrators", "channels")  # of integrators that show several things; options may add some
 LISTS = (*KINDS, "materials", "groups")
@@ -51,6 +52,8 @@ class Comparison:
         for name in (*OUTPUTS, "groups"):
             if not equal(self.first.core.get(name), self.second.core.get(name)):
                 yield "integrator" if name in OUTPUTS else name
+        if bool(self.first.core.get("robust")) != bool(self.second.core.get("robust")):
+            yield ROBUST
 
     def _same_lists(self) -> bool:
         """Whether all lists are the same, entry by entry: no object has to be looked at then."""

@@ -12,10 +12,10 @@ from lajolla.params import TERMINATOR, Params
 from lajolla.params.objects import KINDS as LISTS
 from lajolla.params.objects import MATERIAL, SINGLE, Entry, Lists, SceneObject, names_by_entry, place_of
 from lajolla.params.values import WITH_OBJECTS
-from lajolla.saving import terminators
 from lajolla.saving.differences import MEDIA, whole_window
 from lajolla.saving.file_names import keep_files, plain_name, relative_to
-from lajolla.saving.texts import ElementText, SourceText, Span
+from lajolla.saving.terminators import Terminators, said
+from lajolla.saving.texts import ElementText, SourceText, Span, kind_of
 from lajolla.saving.values import (
     EXCHANGED,
     PLUGINS,
@@ -28,10 +28,9 @@ from lajolla.saving.values import (
     plain_text,
 )
 from lajolla.scene import Description, SceneError
-from lajolla.scene.schema import Field
+from lajolla.scene.schema import ROBUST, Field
 from lajolla.scene.syntax.errors import Location, Source
 from lajolla.scene.syntax.nodes import KINDS
-from lajolla.scene.syntax.typed import OLD_KINDS
 from lajolla.scene.versions.upgrade import current_name
 
 OF_VIEW = ("sensor", "film", "rfilter", "sampler")  # what each sensor has of its own
@@ -81,6 +80,7 @@ class SceneEdits:
         self.values = Values(self.lists, self._id_of, f"{plain_name(self.stem)}-files", ids, known)
         self.main = self.read.places["scene"].source
         self.values.exchanges = own.exchanges
+        self.terminators = Terminators(self.read, self.before, self.params)
 
     def written(self) -> bytes:
         """The text of the scene; the files that it needs are in `values.files`.
@@ -95,6 +95,7 @@ class SceneEdits:
                 paths = ", ".join(f"{changed.found.name}.{name}" for name in changed.names)
                 raise SceneError(f"{paths} cannot be saved: {problem.message}", *changed.places[:1]) from None
         self._put_sensor_first()
+        self._put_ray_queries()
         for included in self.read.includes:  # what is inside of another one comes before it
             if included.source in self.texts:
                 name = self.values.file(".xml", self.texts[included.source].text())
@@ -105,6 +106,19 @@ class SceneEdits:
         main.first += [ET.Element("default", name=n, value=plain_text(v)) for n, v in parameters.items()]
         main.first += [ET.Element("path", value=plain_text(folder)) for folder in self._folders()]
         return main.text()
+
+    def _put_ray_queries(self) -> None:
+        """Writes whether no ray passes between neighbouring triangles, which is a property of the scene."""
+        now = bool(self.now.core.get("robust", False))
+        if now == bool(self.read.core.get("robust", False)):
+            return
+        new = ET.Element("boolean", name=ROBUST, value=str(now).lower())
+        main = self._text(self.read.places["scene"])
+        root = main.element(Location(self.main, main.root))
+        if any(child.attributes.get("name") == ROBUST for child in root.span.children):
+            root.put([new], lambda child: child.attributes.get("name") == ROBUST)
+        else:
+            main.first.append(new)
 
     def _folders(self) -> Iterator[str]:
         """The folders of texts that will be in another one, relative to that."""
@@ -146,7 +160,7 @@ class SceneEdits:
             )
             differing = [f.name for f in found.fields.values() if self._differs(f, old, new, name)]
             differing += self._of_shape(found, old, new)
-            if terminators.has_changed(found, self.before, self.params):
+            if self.terminators.must_be_written(found):
                 differing.append(TERMINATOR)
             if differing:
                 yield Changed(after, new, self._places(found), differing)
@@ -166,6 +180,8 @@ class SceneEdits:
             return []
         parts = found.name.removeprefix(f"{owner}.").split(".")
         span = self._text(place).element(place).span
+        if parts[0] == "bsdf" and not any(kind_of(child) in ("bsdf", "ref") for child in span.children):
+            return [place]  # of a shape without one
         for part in parts[: len(parts) - len(found.inner)]:
             bsdfs = [child for child in span.children if kind_of(child) == "bsdf"]
             if PLACES.get(part, 0) >= len(bsdfs):
@@ -277,6 +293,8 @@ class SceneEdits:
             element = self._innermost(element)
         if kind_of(element.span) != KIND_IN_FILES.get(found.kind, found.kind):
             made = self.values.whole(found, changed.entry)
+            if TERMINATOR in changed.names:
+                made.append(said(self.params[f"{found.name}.{TERMINATOR}"]))
             element.put([made], lambda child: kind_of(child) == found.kind)
         elif found.kind != "film" and (found.name in self.whole or {"type", "mesh"} & {*changed.names}):
             self._write_whole(element, changed)
@@ -313,8 +331,7 @@ class SceneEdits:
     def _put(self, element: ElementText, changed: Changed, name: str, instead: tuple[str, ...]) -> None:
         found, entry = changed.found, changed.entry
         if name == TERMINATOR:
-            place = Location(element.source, element.span.start)
-            terminators.put(self._text(place), element, self.params[f"{found.name}.{name}"])
+            self.terminators.put(self._text(Location(element.source, element.span.start)), element, found)
             return
         if name in MEDIA:
             self._put_medium(element, entry.get(name, -1), name)
@@ -445,13 +462,6 @@ def _refers(declared: Field, value: object) -> bool:
     return declared.type in (MATERIAL, "phase") or (
         declared.type in WITH_OBJECTS and isinstance(value, Mapping)
     )
-
-
-def kind_of(span: Span) -> str:
-    """The kind of an object; the tag of other elements."""
-    if span.tag == "spectrum" and "type" in span.attributes:
-        return "texture"
-    return OLD_KINDS.get(span.tag, span.tag)
 
 
 def free_name(wanted: str, is_taken: Callable[[str], bool]) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from lajolla.scene.syntax.errors import Location, Source
+from lajolla.scene.syntax.typed import OLD_KINDS
 
 TAG = re.compile(rb"""<([^\s/>]+)(?:[^"'>]|"[^"]*"|'[^']*')*>""")  # one that opens an element
 DECLARATION = re.compile(rb"""\s*<\?xml[^>]*?encoding\s*=\s*["']([A-Za-z0-9._-]+)""")
@@ -29,6 +30,13 @@ class Span:
     closing: int = 0  # the start of the last tag; the end of an element without one
     end: int = 0
     children: list[Span] = field(default_factory=list)
+
+
+def kind_of(span: Span) -> str:
+    """The kind of an object; the tag of other elements."""
+    if span.tag == "spectrum" and "type" in span.attributes:
+        return "texture"
+    return OLD_KINDS.get(span.tag, span.tag)
 
 
 class _Done(Exception):

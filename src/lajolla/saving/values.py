@@ -121,7 +121,8 @@ class Values:
             sides = [result] if back == front else [result, self.material(material_entry(back))]
             result = ET.Element("bsdf", type="twosided")
             result.extend(sides)
-        if result.tag != "ref" and terminator_of(slot) != "none":  # else it is that of the object of the file
+        is_own = result.tag != "ref"  # else it is that of the object of the file
+        if is_own and (terminator_of(slot) != "none" or next(result.iter("ref"), None) is not None):
             result.append(_constant("terminator", terminator_of(slot)))
         return result
 

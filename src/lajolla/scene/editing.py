@@ -31,11 +31,12 @@ from .versions.upgrade import upgrade
 @dataclass(frozen=True)
 class Made:
     """A new material: its entries by names of their own ("bsdfs[0]"), each after those that it contains, with
-    ids and plugins, and what is on its sides."""
+    ids, plugins and terminators, and what is on its sides."""
 
     entries: Mapping[str, Entry]
     ids: Mapping[str, str]
     plugins: Mapping[str, str]
+    terminators: Mapping[str, str]
     front: int | Mapping[str, int]
     back: int | Mapping[str, int]
     terminator: str
@@ -132,8 +133,10 @@ class Editor:
         for where in ADDED:
             setattr(builder, where, Entries())
         builder.transmissive, builder.indices, builder.materials_of = [], {}, {}
-        builder.terminators = {}
-        return Made(entries, ids, plugins, _reference(slot.front), _reference(slot.back), slot.terminator)
+        terminators = {name: known.terminators.get(name, builder.terminator) for name in entries}
+        builder.terminators, known.terminators = {}, {}
+        front, back = _reference(slot.front), _reference(slot.back)
+        return Made(entries, ids, plugins, terminators, front, back, slot.terminator)
 
     def _bsdf_node(self, given: Mapping[str, Any], path: str) -> Node:
         prop = self._property("bsdf", given, path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Protocol, TypeAlias
 
@@ -138,4 +138,5 @@ def fields_of(schema: Schema, kind: str, name: str) -> tuple[Field, ...]:
 def terminator_field() -> Field:
     """The property that every bsdf has: what the material of a shape takes from its outermost one."""
     fields = fields_of(core_schema(), "material", "material")
-    return next(field for field in fields if field.name == "terminator")
+    found = next(field for field in fields if field.name == "terminator")
+    return replace(found, doc=f"{found.doc}; in dicts, hanika is the default")

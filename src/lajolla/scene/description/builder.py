@@ -421,6 +421,8 @@ class Builder:
             slot = Slot(self.add_once("bsdfs", result, node)) if isinstance(result, dict) else result
             if isinstance(slot, Slot):
                 slot = replace(slot, terminator=self._terminator(node))
+                if slot.terminator and node.plugin.lower() != "twosided":
+                    self.objects.terminators.setdefault(_entry_name(slot.front), slot.terminator)
             self.materials_of[node] = cast("Slot | None", slot)
         return self.materials_of[node]
 
@@ -535,6 +537,10 @@ class Builder:
 def _entry(result: Built) -> Entry:
     assert isinstance(result, dict)  # all else is for other kinds of plugins
     return result
+
+
+def _entry_name(material: MaterialId) -> str:
+    return f"adapters[{material.index}]" if isinstance(material, AdapterId) else f"bsdfs[{material}]"
 
 
 def slot_entry(slot: Slot) -> Entry:

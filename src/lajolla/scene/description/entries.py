@@ -78,6 +78,7 @@ class Objects:
     exchanges: bool = True  # `exchanged` of `Unsaid`
     two_sided: bool = False  # opaque materials are the same on the back
     terminator: str = "none"  # of materials that do not set it
+    terminators: dict[str, str] = field(default_factory=dict)  # of bsdfs that set it, or those inside them
     spare: Mapping[str, Node] = field(default_factory=dict)  # bsdfs by their ids that no shape uses
     exchanged: set[str] = field(
         default_factory=set

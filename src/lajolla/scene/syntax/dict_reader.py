@@ -34,7 +34,8 @@ LOSSY = ("roughconductor", "roughdielectric", "roughplastic")  # where microface
 
 def nodes_from_dict(scene: Mapping[str, Any], base_path: Path, known: Names, replaced: Names) -> Tree:
     """The nodes of a scene dict. Every key of the root is the id of its object. Rough surfaces give back the
-    light that bounces between microfacets unless they say otherwise, and the shadows of smooth meshes are.
+    light that bounces between microfacets, and shadows on meshes with vertex normals are smooth, unless bsdfs
+    say otherwise.
 
     Args:
         scene: the dict.

@@ -41,8 +41,6 @@ def _file_shape(loader: str) -> Callable[[Context, Node, Values], Entry | list[P
         values.pop("filename", None)
         collapse, load_materials = values.pop("collapse", False), values.pop("load_materials", False)
         options = {k: values.pop(k) for k in LOADING if k in values}
-        if "max_smooth_angle" in options and WEIGHTS in values:
-            options[WEIGHTS] = values[WEIGHTS]
         options.setdefault("flip_tex_coords", loader == "load_obj")
         path, location = context.find(node)
         settings = subdivision.take_settings(context, node, values) if loader in WITH_POLYGONS else None
@@ -51,6 +49,7 @@ def _file_shape(loader: str) -> Callable[[Context, Node, Values], Entry | list[P
             raise SceneError(f"{node} takes max_smooth_angle or subdivision, not both", place)
         if loader in WITH_POLYGONS and (settings is not None or uses_ptex(node)):
             options["polygons"] = True
+        max_angle = options.pop("max_smooth_angle", None)
         key: tuple[Any, ...] = (loader, identity(path), *sorted(options.items()))
         mesh = context.read(key, lambda: _load(context, loader, path, options, location))
         if mesh.face_normals:
@@ -58,8 +57,8 @@ def _file_shape(loader: str) -> Callable[[Context, Node, Values], Entry | list[P
         if settings is not None:
             mesh, key = subdivision.subdivided(context, node, key, mesh, settings, values), (*key, node)
         else:
-            key, mesh = _with_normals(context, key, mesh, values)
-        if WEIGHTS not in options:
+            key, mesh = _with_normals(context, key, mesh, values, max_angle)
+        if max_angle is None:
             _warn_of_unused_weights(context, node, mesh, values)
         parts = [] if collapse else _parts(context, node, mesh, path, load_materials=load_materials)
         if not parts:
@@ -88,9 +87,7 @@ def _load(context: Context, loader: str, path: Path, options: Values, location: 
     except _core.MeshError as problem:
         raise SceneError(f'"{path}": {problem}', location) from None
     _warn_of_lost_digits(context, mesh, path, location)
-    if "max_smooth_angle" not in options:
-        return mesh
-    return mesh.with_smooth_normals(options["max_smooth_angle"], options.get(WEIGHTS, "angle"))
+    return mesh
 
 
 def _warn_of_lost_digits(context: Context, mesh: Mesh, path: Path, location: Location) -> None:
@@ -110,15 +107,18 @@ def _warn_of_lost_digits(context: Context, mesh: Mesh, path: Path, location: Loc
 
 
 def _with_normals(
-    context: Context, key: tuple[Any, ...], mesh: Mesh, values: Values
+    context: Context, key: tuple[Any, ...], mesh: Mesh, values: Values, max_angle: float | None = None
 ) -> tuple[tuple[Any, ...], Mesh]:
-    """The mesh with vertex normals, which Mitsuba computes if a file has none.
+    """The mesh with vertex normals, which Mitsuba computes if a file has none, or with hard edges.
 
-    Their weights are those in world space, so that a stretched mesh has its own.
+    Angles and weights are those in world space, so that a stretched mesh has its own.
     """
+    matrix, weights = frame_of_normals(values.get("to_world", np.eye(4))), values.get(WEIGHTS, "angle")
+    if max_angle is not None:
+        key = (*key, "hard edges", max_angle, matrix.tobytes(), weights)
+        return key, context.read(key, lambda: mesh.with_smooth_normals(matrix.tolist(), max_angle, weights))
     if mesh.normals is not None or values.get("face_normals"):
         return key, mesh
-    matrix, weights = frame_of_normals(values.get("to_world", np.eye(4))), values.get(WEIGHTS, "angle")
     key = (*key, "normals", matrix.tobytes(), weights)
     return key, context.read(key, lambda: mesh.with_vertex_normals(matrix.tolist(), weights))
 
