@@ -296,7 +296,7 @@ def test_roughness_widens_footprints_where_rays_converge(distance: float) -> Non
 
     def size(alpha: float) -> np.ndarray:
         screen = {"type": "rectangle", "to_world": translation(0, 0, 8 - distance) @ scaling(9)}
-        camera = {"type": "orthographic", "to_world": look_at((0.2, 0.1, 7.5), (0.2, 0.1, 8))}
+        camera: Settings = {"type": "orthographic", "to_world": look_at((0.2, 0.1, 7.5), (0.2, 0.1, 8))}
         scene = make_scene(
             shapes=[
                 {**screen, "material": 0},
