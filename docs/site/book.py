@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,6 +17,7 @@ from sphinx.writers.html5 import HTML5Translator
 
 logger = logging.getLogger(__name__)
 KATEX = ("katex/katex.min.css", "katex/katex.min.js", "formulas.js")
+PATH = re.compile(r"[\w.-]+(/[\w.-]+)+")
 
 
 class Figures(SphinxDirective):
@@ -98,6 +100,16 @@ def _name_sources(app: Sphinx, tree: nodes.document) -> None:
         block.parent.insert(block.parent.index(block), nodes.paragraph("", "", link, classes=["source"]))
 
 
+def _let_paths_break(app: Sphinx, tree: nodes.document, page: str) -> None:
+    """Lines may end after the slashes of a path, in place of inside a word."""
+    for text in list(tree.findall(nodes.Text)):
+        if isinstance(text.parent, nodes.literal | nodes.inline | nodes.reference) and PATH.fullmatch(text):
+            pieces: list[nodes.Node] = []
+            for folder in text.split("/")[:-1]:
+                pieces += [nodes.Text(f"{folder}/"), nodes.raw("", "<wbr>", format="html")]
+            text.parent.replace(text, [*pieces, nodes.Text(text.split("/")[-1])])
+
+
 def checkout(app: Sphinx) -> Path:
     """The root of the checkout; the pages are copies (staging.py) beside links to its folders."""
     return Path(app.srcdir).parent.joinpath("core").resolve().parent
@@ -109,4 +121,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_html_math_renderer("katex", (_inline, None), (_display, None))
     app.connect("html-page-context", _add_katex)
     app.connect("doctree-read", _name_sources)
+    app.connect("doctree-resolved", _let_paths_break)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
