@@ -490,9 +490,9 @@ class Scene:
                 worker; default: as many as it has.
             sensor: number or id of the sensor to look through; see `with_sensor`.
             aovs: variables to render beside the picture; see `with_aovs`.
-            cluster: renders on the workers of a Dask scheduler, such as "tcp://host:8786", or of a
-                `distributed.Client`; or in so many processes of this machine, such as "local:4". The picture
-                is the same. Raises ClusterError.
+            cluster: renders on the workers of a Dask scheduler, such as `"tcp://host:8786"`, or of a
+                `distributed.Client`; or in so many processes of this machine, such as `"local:4"`. The
+                picture is the same. Raises ClusterError.
             mixed: permits workers with another instruction set; the picture may then differ in the last bits.
             progress: called with the progress about ten times a second; an exception of it ends the render.
             denoise: removes noise with the help of `features`; see `Image.denoise`. If that fails, the
