@@ -219,6 +219,30 @@ def test_bump_and_trilinear(tmp_path: Path) -> None:
     assert np.abs(flat.array - rough.array).max() > 0.01
 
 
+@pytest.mark.parametrize("degrees", [5, 2])
+def test_trilinear_at_grazing_angles(tmp_path: Path, degrees: float) -> None:
+    """Stripes that run away from the camera stay: a footprint is not as wide as it is long."""
+    stripes = np.broadcast_to((np.arange(256) // 8 % 2)[:, None, None], (256, 256, 1)).astype(float)
+    around = neighbours_of(CUBE_FACES.tolist())
+    height, away = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+    contrasts = []
+    for faces in (stripes, stripes.swapaxes(0, 1)):
+        path = written(tmp_path, Ptx([Face(faces, *a) for a in around], "f4"))
+        scene = scene_of(cube_with(str(path), filter_type="trilinear"))
+        scene["integrator"] = {"type": "path", "max_depth": 2, "strategy": "bsdf"}
+        scene["light"] = {"type": "constant"}
+        scene["sensor"] = {
+            "type": "perspective",
+            "fov": 4,
+            "to_world": lajolla.look_at(
+                origin=(0, 1 + 20 * height, 20 * away), target=(0, 1, 0), up=(0, 1, 0)
+            ),
+            "film": {"type": "hdrfilm", "width": 96, "height": 24, "rfilter": {"type": "box"}},
+        }
+        contrasts.append(lajolla.load_dict(scene).render(spp=64).array[11:13, 32:64, 0].std())
+    assert max(contrasts) > 0.1
+
+
 def test_displacement(tmp_path: Path) -> None:
     """Pictures of faces displace a surface without cracks."""
     path = written(tmp_path, cube_pictures(size=8))

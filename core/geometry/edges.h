@@ -42,4 +42,21 @@ struct DualBasis {
     Vec2<Float> operator()(const Vec3<Float> &step) const { return {dot(u, step), dot(v, step)}; }
 };
 
+// Whether two steps in texture space span a plane, in spite of rounding.
+template <class Float>
+BoolOf<Float> spans_plane(const Vec2<Float> &first, const Vec2<Float> &second) {
+    const Float a = first.x * second.y, b = first.y * second.x;
+    return abs(a - b) > (abs(a) + abs(b)) * 0x1p-16f;
+}
+
+// The radius of a circle of the same area as the ellipse with these conjugate radii.
+template <class Float>
+Float round_radius(const Vec2<Float> &first, const Vec2<Float> &second) {
+    return sqrt(abs(first.x * second.y - first.y * second.x));
+}
+template <class Float>
+Float round_radius(const Vec3<Float> &first, const Vec3<Float> &second) {
+    return sqrt(EdgeCross<Float>(first, second).area());
+}
+
 } // namespace lajolla

@@ -52,6 +52,13 @@ struct NormalChange {
     Vec3<Float> du, dv;
 };
 
+// The derivatives of uv along dp_du and dp_dv, where these are the edges of a triangle whose texture
+// coordinates lie on a line or in one point.
+template <class Float>
+struct UvChange {
+    Vec2<Float> first{1, 0}, second{0, 1};
+};
+
 // Where rays that are scattered at a hit start, relative to its position, on the front and on the back: on
 // the smooth surface that vertex normals describe, if that is farther out than the triangle there; else zero.
 template <class Float>
@@ -75,35 +82,50 @@ struct Hit {
     std::optional<Lift<Float>> lift; // none where it is zero; of lanes, where it is zero in all of them
     Footprint<Float> footprint;
     std::optional<NormalChange<Float>> dn; // none on flat surfaces, or where it is not needed
+    std::optional<UvChange<Float>> duv;    // none if dp_du and dp_dv are the derivatives by u and v
     IntOf<Float> shape, primitive;
     IntOf<Float> instance;           // -1 for none
     IntOf<Float> material, emitter;  // -1 for none
     IntOf<Float> interior, exterior; // media, -1 for none
 
-    // The coordinates of a step along the surface in texture space.
-    DualBasis<Float> to_uv() const { return {dp_du, dp_dv}; }
+    // The coordinates of a step along the surface in terms of dp_du and dp_dv.
+    DualBasis<Float> to_tangents() const { return {dp_du, dp_dv}; }
+    // The same in texture space.
+    DualBasis<Float> to_uv() const {
+        DualBasis<Float> result = to_tangents();
+        if (duv) {
+            const Vec3<Float> first = result.u, second = result.v;
+            result.u = first * duv->first.x + second * duv->second.x;
+            result.v = first * duv->first.y + second * duv->second.y;
+        }
+        return result;
+    }
     // From shading normals; positive if convex towards the normal's side.
     Float mean_curvature() const {
         if (!dn) return 0;
-        const DualBasis<Float> uv = to_uv();
+        const DualBasis<Float> uv = to_tangents();
         return (dot(dn->du, uv.u) + dot(dn->dv, uv.v)) * 0.5f;
     }
     Float gaussian_curvature() const {
         if (!dn) return 0;
-        const DualBasis<Float> uv = to_uv();
+        const DualBasis<Float> uv = to_tangents();
         return dot(dn->du, uv.u) * dot(dn->dv, uv.v) - dot(dn->du, uv.v) * dot(dn->dv, uv.u);
     }
-    // The radius of the footprint: of the cone, or half of the longer of two differentials.
+    // The radius of the footprint: of the cone, or of a circle as large as what differentials span.
     Float radius() const {
         const auto &d = footprint.differentials;
         if (!d) return footprint.cone.radius;
-        const Float longer = max(length_squared(d->origin_dx), length_squared(d->origin_dy));
-        return select(d->followed, sqrt(longer) * 0.5f, footprint.cone.radius);
+        const Float round = round_radius(d->origin_dx, d->origin_dy) * 0.5f;
+        return select(d->followed, round, footprint.cone.radius);
     }
     // The radius of the cone in texture space.
     Float uv_radius() const {
         const Float scale = max(length_squared(dp_du), length_squared(dp_dv));
-        return select(scale > 0.0f, footprint.cone.radius / sqrt(scale), Float(0));
+        const Float radius = select(scale > 0.0f, footprint.cone.radius / sqrt(scale), Float(0));
+        if (!duv) return radius;
+        const DualBasis<Float> uv = to_uv();
+        const Float along_line = footprint.cone.radius * sqrt(length_squared(uv.u) + length_squared(uv.v));
+        return select(spans_plane(duv->first, duv->second), radius, along_line);
     }
 };
 
@@ -134,15 +156,40 @@ UvEllipse<Float> uv_ellipse(const Hit<Float> &hit, const Vec3<Float> &wo) {
     return {uv(across) * radius, uv(along) * (radius / abs(bounded_cosine(cosine)))};
 }
 
+// Widens the differentials of a ray along `wi` by a round lobe, `spread` per unit of distance.
+//
+// In coordinates across the ray, they span the matrix P + t D at the distance t. Added is spread t R, where R
+// is the rotation (or reflection) nearest to D, turned by 90 degrees: perpendicular to D, and to P too if the
+// two differ by a scale, so that squares add up as those of the widths of convolved lobes do, even where rays
+// converge. Otherwise R has the sign with which the sum of the squares does not become smaller either.
+template <class Float>
+void widen(RayDifferentials<Float> &rays, const Vec3<Float> &wi, Float spread) {
+    const auto across = [&](const Vec3<Float> &v) { return v - wi * dot(wi, v); };
+    const Vec3<Float> p_dx = across(rays.origin_dx), p_dy = across(rays.origin_dy);
+    const auto turns = length_squared(rays.direction_dx) + length_squared(rays.direction_dy) > 0.0f;
+    const Vec3<Float> dx = select(turns, across(rays.direction_dx), p_dx),
+                      dy = select(turns, across(rays.direction_dy), p_dy);
+    const Float side = copysign(Float(1), dot(wi, cross(dx, dy)));
+    const Vec3<Float> nearest = dx - cross(wi, dy) * side; // its first column, by polar decomposition
+    const Float squared = length_squared(nearest);
+    const Vec3<Float> x = select(squared > 0.0f, nearest * (1 / sqrt(squared)), frame_around(wi).s),
+                      y = cross(wi, x);
+    const Float grows = dot(p_dx, y) - dot(p_dy, x) * side;
+    const Float amount = copysign(spread, grows);
+    const auto widens = spread > 0.0f;
+    rays.direction_dx = select(widens, rays.direction_dx + y * amount, rays.direction_dx);
+    rays.direction_dy = select(widens, rays.direction_dy - x * (amount * side), rays.direction_dy);
+}
+
 // The differentials of the ray that leaves a hit in the direction wi, after reflection or refraction of one
-// that arrives along `direction`; width and eta as in BsdfSample. A slightly rough surface widens them in all
-// directions, by as much as a cone. What becomes infinite is not followed.
+// that arrives along `direction`; width and eta as in BsdfSample. A slightly rough surface widens them. What
+// becomes infinite is not followed.
 template <class Float>
 RayDifferentials<Float> scattered(const Hit<Float> &hit, const RayDifferentials<Float> &at_hit,
                                   const Vec3<Float> &direction, const Vec3<Float> &wi, Float width,
                                   Float eta) {
     // The microfacet's normal n, for which wi = direction / eta - n (dot(direction, n) / eta - dot(wi, n)) in
-    // reflection and in refraction; it turns with the shading normal.
+    // reflection and in refraction; it turns with the shading normal, as a part of the same rigid frame.
     const Vec3<Float> difference = direction - wi * eta;
     const Float squared = length_squared(difference);
     const Vec3<Float> unoriented = select(squared > 0.0f, difference / sqrt(squared), hit.shading_normal);
@@ -151,12 +198,14 @@ RayDifferentials<Float> scattered(const Hit<Float> &hit, const RayDifferentials<
     const Float bend = slower * cosine - onward,
                 bend_change = slower - sqr(slower) * cosine / bounded_cosine(onward);
     const auto straight = eta == 1.0f && dot(direction, hit.normal) * dot(wi, hit.normal) > 0.0f;
-    const DualBasis<Float> uv = hit.to_uv();
+    const DualBasis<Float> tangents = hit.to_tangents();
     const auto turned = [&](const Vec3<Float> &step, const Vec3<Float> &change) {
         Vec3<Float> n_change;
         if (hit.dn) {
-            const Vec2<Float> by = uv(step);
-            n_change = hit.dn->du * by.x + hit.dn->dv * by.y;
+            const Vec2<Float> by = tangents(step);
+            const Vec3<Float> unmapped_change = hit.dn->du * by.x + hit.dn->dv * by.y;
+            n_change =
+                unmapped_change * dot(hit.shading_normal, n) - hit.shading_normal * dot(unmapped_change, n);
         }
         const Float cosine_change = dot(change, n) + dot(direction, n_change);
         const Vec3<Float> bent = change * slower - (n_change * bend + n * (bend_change * cosine_change));
@@ -165,15 +214,7 @@ RayDifferentials<Float> scattered(const Hit<Float> &hit, const RayDifferentials<
     RayDifferentials<Float> result{at_hit.origin_dx, at_hit.origin_dy,
                                    turned(at_hit.origin_dx, at_hit.direction_dx),
                                    turned(at_hit.origin_dy, at_hit.direction_dy), at_hit.followed};
-    if (any(width > 0.0f)) {
-        // Two perpendicular changes, which lead away from the ray where those of the position do.
-        const Vec3<Float> across = at_hit.origin_dx - wi * dot(wi, at_hit.origin_dx);
-        const Float reach = length(across);
-        const Vec3<Float> x = select(reach > 0.0f, across / reach, frame_around(wi).s), y = cross(wi, x);
-        const Float side = copysign(Float(RayCone<Float>::diffuse_spread), dot(y, at_hit.origin_dy));
-        result.direction_dx = lerp(width, result.direction_dx, x * Float(2 * RayCone<Float>::diffuse_spread));
-        result.direction_dy = lerp(width, result.direction_dy, y * (2 * side));
-    }
+    if (any(width > 0.0f)) widen(result, wi, width * (2 * RayCone<Float>::diffuse_spread));
     const Float size = length_squared(result.direction_dx) + length_squared(result.direction_dy) +
                        length_squared(result.origin_dx) + length_squared(result.origin_dy);
     result.followed = result.followed && size < infinity;
@@ -266,6 +307,9 @@ inline Hit<float> lane_of(const Hit<WideFloat> &hits, int k) {
             lane_of(hits.footprint, k),
             hits.dn ? std::optional(NormalChange<float>{lane_of(hits.dn->du, k), lane_of(hits.dn->dv, k)})
                     : std::nullopt,
+            hits.duv ? std::optional(UvChange<float>{{hits.duv->first.x[k], hits.duv->first.y[k]},
+                                                     {hits.duv->second.x[k], hits.duv->second.y[k]}})
+                     : std::nullopt,
             hits.shape[k],
             hits.primitive[k],
             hits.instance[k],
@@ -291,6 +335,12 @@ inline void set_lane(Hit<WideFloat> &hits, int k, const Hit<float> &hit) {
         const NormalChange<float> flat{};
         set_lane(hits.dn->du, k, hit.dn.value_or(flat).du);
         set_lane(hits.dn->dv, k, hit.dn.value_or(flat).dv);
+    }
+    if (hit.duv && !hits.duv) hits.duv.emplace();
+    if (hits.duv) {
+        const auto [first, second] = hit.duv.value_or(UvChange<float>{});
+        hits.duv->first.x.v[k] = first.x, hits.duv->first.y.v[k] = first.y;
+        hits.duv->second.x.v[k] = second.x, hits.duv->second.y.v[k] = second.y;
     }
     hits.barycentric.x.v[k] = hit.barycentric.x, hits.barycentric.y.v[k] = hit.barycentric.y;
     hits.uv.x.v[k] = hit.uv.x, hits.uv.y.v[k] = hit.uv.y;

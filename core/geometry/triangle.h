@@ -101,7 +101,12 @@ void fill_triangle(const TriangleCorners<Float> &p, const TriangleNormals<Float>
     hit.uv = select(uvs.present, uvs.uv0 + d1 * b1 + d2 * b2, hit.barycentric);
     if (!needs.tangents) return;
     const Float det = d1.x * d2.y - d1.y * d2.x, inverse = 1 / det;
-    const auto mapped = uvs.present && det != 0.0f;
+    const auto spanned = spans_plane(d1, d2), mapped = uvs.present && spanned;
+    if (any(uvs.present && !spanned)) [[unlikely]] {
+        const UvChange<Float> same;
+        const auto kept = mapped || !uvs.present;
+        hit.duv = {select(kept, same.first, d1), select(kept, same.second, d2)};
+    }
     const auto by_u = [&](const Vec3<Float> &by_b1, const Vec3<Float> &by_b2) {
         return select(mapped, (by_b1 * d2.y - by_b2 * d1.y) * inverse, by_b1);
     };

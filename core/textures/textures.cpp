@@ -48,7 +48,7 @@ Float Bitmap::level(const Hit<Float> &hit) const {
     };
     const UvEllipse<Float> ellipse = uv_ellipse(hit, *differentials);
     const Vec2<Float> a = texels(ellipse.first), b = texels(ellipse.second);
-    const Float result = log2(max(sqrt(abs(a.x * b.y - a.y * b.x)), Float(1e-8f)));
+    const Float result = log2(max(round_radius(a, b), Float(1e-8f)));
     return all(differentials->followed) ? result
                                         : select(differentials->followed, result, level_of_cone(hit));
 }
@@ -197,8 +197,8 @@ UvGradient<float> Ptex::sharp_gradient(const TexturePoint<float> &at) const {
     if (mesh.uvs.empty()) return {by_b1, by_b2};
     const Triangle &t = mesh.triangles[static_cast<std::size_t>(at.hit->primitive)];
     const Vec2f d1 = mesh.uvs[t[1]] - mesh.uvs[t[0]], d2 = mesh.uvs[t[2]] - mesh.uvs[t[0]];
+    if (!spans_plane(d1, d2)) return {by_b1, by_b2};
     const float determinant = d1.x * d2.y - d1.y * d2.x;
-    if (determinant == 0) return {by_b1, by_b2};
     return {(by_b1 * d2.y - by_b2 * d1.y) * (1 / determinant),
             (by_b2 * d1.x - by_b1 * d2.x) * (1 / determinant)};
 }

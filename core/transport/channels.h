@@ -19,6 +19,14 @@ namespace lajolla {
 
 using Integrator = std::variant<Path, VolPath, Direct, AmbientOcclusion, FirstHit, Features>;
 
+// How textures are filtered in all channels of a picture.
+inline FootprintKind footprint_of(const Integrator &picture) {
+    return match(picture, [](const auto &model) {
+        if constexpr (requires { model.footprint; }) return model.footprint;
+        else return FootprintKind::differentials;
+    });
+}
+
 // The value that a channel beside red, green and blue records for each sample.
 enum class Recorded {
     rgb,

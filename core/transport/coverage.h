@@ -18,11 +18,13 @@ struct Seen {
 
 // Follows a camera ray, which `found` its first hit, to where it scatters or hits a light that is not hidden.
 // Surfaces that it passes straight through do not count. Random numbers and `medium`, in its initial state,
-// are those of the path; in the end, `medium` is where the ray ends.
+// are those of the path; in the end, `medium` is where the ray ends. `footprint` matters if filtered textures
+// are read there.
 template <class Medium>
 Seen look(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera, std::optional<RayHit> found,
-          const Sight &sight, Medium &&medium, const HitNeeds &needs) {
-    PathState<float> path = Path{}.start(scene, camera);
+          const Sight &sight, Medium &&medium, const HitNeeds &needs,
+          FootprintKind footprint = FootprintKind::cone) {
+    PathState<float> path = Path::start(scene, camera, footprint);
     while (path.null_transmissions <= max_null_transmissions) {
         if (medium.fly(scene, path.ray, found, path.u_event).collision) return {{}, {}, true};
         if (!found) break;
@@ -43,7 +45,9 @@ Seen look(const Scene &scene, Tracer &tracer, const CameraRay<float> &camera, st
 inline const std::optional<SeenSurface> &seen_object(const Scene &scene, Tracer &tracer, PrimaryRay &primary,
                                                      const Sight &sight) {
     return primary.seen(sight, [&] {
-        return look(scene, tracer, primary.camera(), primary.found(), sight, Vacuum(), HitNeeds{}).object();
+        return look(scene, tracer, primary.camera(), primary.found(), sight, Vacuum(), HitNeeds{},
+                    primary.footprint())
+            .object();
     });
 }
 

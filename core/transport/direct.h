@@ -108,7 +108,8 @@ inline Spectrum Direct::scattered_at(const Scene &scene, Tracer &tracer, const S
 
 inline Spectrum Direct::radiance(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                                  PrimaryRay &primary, const LightGroups &groups) const {
-    Path::Walk<Vacuum> walk{path_.start(scene, primary.camera()), Vacuum(), Spectrum(0), groups};
+    Path::Walk<Vacuum> walk{Path::start(scene, primary.camera(), primary.footprint()), Vacuum(), Spectrum(0),
+                            groups};
     follow(scene, tracer, primary.found(), walk, [&](const Hit<float> &hit) {
         const Spectrum &throughput = walk.path.throughput;
         walk.radiance +=

@@ -91,7 +91,8 @@ template <class Medium>
 Spectrum Features::trace(const Scene &scene, Tracer &tracer, const Sampler &sampler,
                          PrimaryRay &primary) const {
     const CameraRay<float> &camera = primary.camera();
-    Path::Walk<Medium> walk{path_.start(scene, camera), Medium(scene, camera, sampler, true)};
+    Path::Walk<Medium> walk{Path::start(scene, camera, primary.footprint()),
+                            Medium(scene, camera, sampler, true)};
     PathState<float> &path = walk.path;
     for (auto found = primary.found();; found = tracer.closest(path.ray)) {
         Flight flight;

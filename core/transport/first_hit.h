@@ -66,31 +66,18 @@ private:
     Spectrum value(const Scene &scene, const CameraRay<float> &camera, const Hit<float> &hit, float u) const;
 };
 
-namespace detail {
-
-// (du, dv) from a hit to the point where another ray intersects its tangent plane: the least-squares solution
-// of du dp_du + dv dp_dv = p_other - p_hit. Zero if the surface has no parametrisation.
-inline Vec2f uv_difference(const Hit<float> &hit, const Ray<float> &other) {
-    const float t = dot(hit.normal, hit.position - other.origin) / dot(hit.normal, other.direction);
-    const Vec3f difference = other.origin + other.direction * t - hit.position;
-    const float uu = length_squared(hit.dp_du), uv = dot(hit.dp_du, hit.dp_dv),
-                vv = length_squared(hit.dp_dv);
-    const float along_u = dot(hit.dp_du, difference), along_v = dot(hit.dp_dv, difference);
-    const float scale = 1 / (uu * vv - uv * uv);
-    const Vec2f result{(vv * along_u - uv * along_v) * scale, (uu * along_v - uv * along_u) * scale};
-    return std::isfinite(result.x) && std::isfinite(result.y) ? result : Vec2f{0, 0};
-}
-
-} // namespace detail
-
 inline Spectrum FirstHit::value(const Scene &scene, const CameraRay<float> &camera, const Hit<float> &hit,
                                 float u) const {
     const auto pair = [](Vec2f v) { return Spectrum(v.x, v.y, 0); };
+    // To where the ray of a neighbouring pixel meets the tangent plane.
     const auto difference = [&](Vec2f step) {
         const Film &film = scene.film();
         const Vec2f neighbour{camera.film.x + step.x / static_cast<float>(film.width),
                               camera.film.y + step.y / static_cast<float>(film.height)};
-        return pair(detail::uv_difference(hit, scene.camera_ray(neighbour, camera.lens).ray));
+        const Ray<float> other = scene.camera_ray(neighbour, camera.lens).ray;
+        const RayDifferentials<float> change{
+            other.origin - camera.ray.origin, {}, other.direction - camera.ray.direction, {}};
+        return pair(hit.to_uv()(change.at(other.direction, hit.distance, hit.normal).origin_dx));
     };
     switch (quantity) {
     case Quantity::albedo: return scene.albedo(hit, -camera.ray.direction, u);

@@ -35,10 +35,6 @@ constexpr auto choices(Strategy) { return std::array{"mis", "bsdf", "light"}; }
 enum class Heuristic { power, balance, maximum };
 constexpr auto choices(Heuristic) { return std::array{"power", "balance", "maximum"}; }
 
-// How the footprint of a pixel is followed, over which textures are filtered.
-enum class FootprintKind { differentials, cone };
-constexpr auto choices(FootprintKind) { return std::array{"differentials", "cone"}; }
-
 // The depth from which Russian roulette always applies, so that every path ends.
 inline constexpr int longest_without_roulette = 4096;
 // The highest survival probability at surfaces. It does not apply in media: light that is scattered thousands
@@ -101,9 +97,13 @@ struct Path {
     }
     template <class Float>
     PathState<Float> start(const Scene &scene, const CameraRay<Float> &camera) const {
+        return start(scene, camera, footprint);
+    }
+    template <class Float>
+    static PathState<Float> start(const Scene &scene, const CameraRay<Float> &camera, FootprintKind kind) {
         PathState<Float> path{camera.ray, {camera.cone, std::nullopt}, camera.ray.origin};
         path.u_event = camera.u_event;
-        if (follows_differentials(scene))
+        if (kind == FootprintKind::differentials && scene.reads_footprints())
             path.footprint.differentials = scene.camera_differentials(camera.film, camera.lens);
         return path;
     }

@@ -9,6 +9,10 @@
 
 namespace lajolla {
 
+// How the footprint of a pixel is followed, over which textures are filtered.
+enum class FootprintKind { differentials, cone };
+constexpr auto choices(FootprintKind) { return std::array{"differentials", "cone"}; }
+
 // One sample of one pixel; x and y are pixels of the whole film, not of the crop window.
 struct SampleId {
     std::uint32_t x, y, index;
@@ -50,11 +54,13 @@ struct Sight {
 inline constexpr Sight first_surface{false, false};
 
 // A camera ray and its first hit, which is computed on first use and shared by all channels of a sample.
-// Keeps a reference to the ray.
+// Keeps a reference to the ray. `footprint` is the choice of the picture's integrator, for all channels.
 class PrimaryRay {
 public:
-    PrimaryRay(Tracer &tracer, const CameraRay<float> &camera) : tracer_(tracer), camera_(camera) {}
+    PrimaryRay(Tracer &tracer, const CameraRay<float> &camera, FootprintKind footprint)
+        : tracer_(tracer), camera_(camera), footprint_(footprint) {}
 
+    FootprintKind footprint() const { return footprint_; }
     const CameraRay<float> &camera() const { return camera_; }
     const std::optional<RayHit> &found() {
         if (!traced_) found_ = tracer_.closest(camera_.ray);
@@ -72,6 +78,7 @@ public:
 private:
     Tracer &tracer_;
     const CameraRay<float> &camera_;
+    FootprintKind footprint_;
     bool traced_ = false;
     std::optional<RayHit> found_;
     std::array<std::optional<std::optional<SeenSurface>>, 4> seen_; // for each Sight

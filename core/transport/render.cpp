@@ -107,7 +107,7 @@ void render_one_by_one(const Scene &scene, const Model &integrator, const Output
         const SampleId id = samples.take();
         const Sampler sampler(job.sequence, job.seed, id.x, id.y, id.index);
         const auto [camera, weight] = film_sample(scene, sampler, id);
-        PrimaryRay primary(tracer, camera);
+        PrimaryRay primary(tracer, camera, footprint_of(output.integrator));
         std::ranges::fill(groups, Spectrum(0));
         const LightGroups by_group(scene, groups);
         const auto radiance = [&] {
@@ -142,7 +142,7 @@ void render_in_lanes(const Scene &scene, Wavefront &wavefront, const Output &out
             }
             const Sampler sampler(job.sequence, job.seed, ids[i].x, ids[i].y, ids[i].index);
             const CameraRay<float> camera = film_sample(scene, sampler, ids[i]).camera;
-            PrimaryRay primary(tracer, camera);
+            PrimaryRay primary(tracer, camera, footprint_of(output.integrator));
             sums.add(ids[i], sampler, primary, radiance[i],
                      std::span(groups).subspan(group_count * i, group_count), weights[i]);
         }
@@ -223,7 +223,7 @@ Spectrum sample_radiance(const Scene &scene, const Integrator &integrator, Seque
     const FlushToZero guard;
     const Sampler sampler(sequence, seed, id.x, id.y, id.index);
     const auto [camera, weight] = film_sample(scene, sampler, id);
-    PrimaryRay primary(tracer, camera);
+    PrimaryRay primary(tracer, camera, footprint_of(integrator));
     return weight * match(integrator,
                           [&](const auto &model) { return model.radiance(scene, tracer, sampler, primary); });
 }

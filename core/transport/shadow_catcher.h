@@ -31,8 +31,8 @@ Spectrum transmittance_in_photograph(const Scene &scene, Tracer &tracer, const V
 template <class Medium>
 CaughtLight caught_light(const Scene &scene, Tracer &tracer, const Sampler &sampler, PrimaryRay &primary,
                          bool hide_emitters, Medium medium) {
-    const Seen seen =
-        look(scene, tracer, primary.camera(), primary.found(), {hide_emitters}, medium, scene.needs());
+    const Seen seen = look(scene, tracer, primary.camera(), primary.found(), {hide_emitters}, medium,
+                           scene.needs(), primary.footprint());
     if (seen.role != CameraRole::catcher) return {};
     CaughtLight result{true};
     if (scene.lights().empty()) return result;
