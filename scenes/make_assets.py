@@ -93,6 +93,27 @@ def checkerboard(size: int = 128) -> np.ndarray:
     return np.where(((i + j) % 2 == 0)[..., None], (0.85, 0.83, 0.8), (0.05, 0.09, 0.2))
 
 
+def bricks(size: int = 256, rows: int = 8) -> np.ndarray:
+    """The height of bricks with round edges in mortar, periodic, in widths of the picture."""
+    y, x = (np.mgrid[0:size, 0:size] + 0.5) / size
+    row = np.floor(y * rows)
+    across = np.minimum(y * rows % 1, 1 - y * rows % 1) / rows
+    place = (x * rows / 2 + row % 2 / 2) % 1
+    along = np.minimum(place, 1 - place) * 2 / rows
+    edge = np.clip((np.minimum(across, along) - 0.006) / 0.014, 0, 1)
+    grain = smooth_noise(np.random.default_rng(5), (size, size), (64, 64))
+    return 0.012 * np.sqrt(1 - (1 - edge) ** 2) + 0.0012 * grain
+
+
+def normals_of(height: np.ndarray) -> np.ndarray:
+    """The colours (H, W, 3) of the normals of a periodic height field, in widths of the picture: x along its
+    rows, y down its columns, as u and v, and z off the surface, all from [-1, 1] to [0, 1]."""
+    slope_x = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) / 2 * height.shape[1]
+    slope_y = (np.roll(height, -1, 0) - np.roll(height, 1, 0)) / 2 * height.shape[1]
+    normal = np.stack([-slope_x, -slope_y, np.ones_like(height)], axis=-1)
+    return normal / np.linalg.norm(normal, axis=-1, keepdims=True) / 2 + 0.5
+
+
 def studio(width: int = 256, height: int = 128) -> np.ndarray:
     """An environment: a grey studio with two soft boxes, a strip light and a warm floor."""
     v, u = np.mgrid[0:height, 0:width] / np.array([height, width])[:, None, None]
@@ -335,6 +356,7 @@ def main() -> None:
     write_image("rug.jpg", rug(rng))
     write_image("painting.jpg", painting(), 90)
     write_image("checkerboard.png", checkerboard())
+    write_image("brick-normals.png", normals_of(bricks()))
     write_image("studio.exr", studio())
     write_ply("vase.ply", *revolve(vase_profile()))
     write_ply("shade.ply", *revolve(shade_profile(), 32))
