@@ -54,6 +54,8 @@ def test_notebooks_run(
     before = kinds(stored)
     for cell in stored.cells:
         cell.source = re.sub(r"\bspp=(\d+)", lambda m: f"spp={max(2, int(m[1]) // 8)}", cell.source)
+        if name != "01-first-picture":
+            cell.source = cell.source.replace(", denoise=True", "")
     for variable in ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_RUNTIME_DIR"):
         monkeypatch.setenv(variable, str(tmp_path / variable))
     (tmp_path / "scenes").symlink_to(repository / "scenes")

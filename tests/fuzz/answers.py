@@ -32,7 +32,7 @@ def outcome(load: Callable[..., lajolla.Scene]) -> str:
     """
     with frugal(), warnings.catch_warnings():
         warnings.simplefilter("error")  # NumPy's
-        warnings.simplefilter("ignore", lajolla.SceneWarning)
+        warnings.simplefilter("ignore", lajolla.LajollaWarning)
         try:
             scene = load(size=(2, 2))
             picture = scene.render(spp=1, threads=1).array

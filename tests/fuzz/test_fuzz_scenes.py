@@ -37,7 +37,7 @@ def answer(folder: Path, text: bytes) -> str:
 
 def test_scene_files(folder: Path, fuzz_minutes: float | None) -> None:
     told: list[str] = []
-    search(lambda text: told.append(answer(folder, text.encode())), 300, fuzz_minutes, text=scene_texts())
+    search(lambda text: told.append(answer(folder, text.encode())), 200, fuzz_minutes, text=scene_texts())
     assert 0.1 < told.count("picture") / len(told) < 0.9
 
 
@@ -54,7 +54,7 @@ def test_scene_dicts(folder: Path, fuzz_minutes: float | None) -> None:
     def check(scene: dict[str, Any]) -> None:
         told.append(outcome(partial(lajolla.load_dict, scene, base_path=folder)))
 
-    search(check, 300, fuzz_minutes, scene=scene_dicts())
+    search(check, 200, fuzz_minutes, scene=scene_dicts())
     assert 0.1 < told.count("picture") / len(told) < 0.9
 
 
