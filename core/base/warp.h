@@ -50,7 +50,7 @@ Float cone_pdf(Float height) {
     return 1 / (2 * pi * height);
 }
 
-// Uniform barycentrics (b1, b2) of a triangle; the fold keeps strata together (Heitz 2019, "A Low-Distortion
+// Uniform barycentrics (b1, b2) of a triangle; the bend keeps strata together (Heitz 2019, "A Low-Distortion
 // Map Between Triangle and Square").
 template <class Float>
 constexpr Vec2<Float> sample_triangle(Vec2<Float> u) {

@@ -6,14 +6,13 @@ namespace lajolla {
 
 namespace {
 
-// What exceeds the mean radiance (Karlik et al. 2019, equation 14), but at least a quarter of the radiance:
-// light that no BSDF sample looks for, as of shadow catchers, must be found too.
-std::vector<float> excess(const std::vector<float> &weights, const std::vector<float> &solid_angles,
-                          double mean) {
-    std::vector<float> result(weights.size());
-    for (std::size_t i = 0; i < result.size(); ++i)
-        result[i] = std::max(weights[i] - static_cast<float>(mean) * solid_angles[i], 0.25f * weights[i]);
-    return result;
+// The weight of a cell by its luminance times its solid angle, and by that angle alone. Compensated, it is
+// what exceeds the mean luminance (Karlik et al. 2019, equation 14), but at least a quarter: light that no
+// BSDF sample looks for, as of shadow catchers, must be found too.
+float weight_for(MapSampling sampling, float light, float solid_angle, float mean) {
+    if (sampling == MapSampling::radiance) return light;
+    if (sampling == MapSampling::uniform) return solid_angle;
+    return std::max(light - mean * solid_angle, 0.25f * light);
 }
 
 } // namespace
@@ -33,26 +32,26 @@ void EnvironmentMap::build() {
     half_texel_ = 0.5f / static_cast<float>(image->width);
     // The corners of a cell are texel centres, so that its weight is zero only if all its values are.
     const std::uint32_t width = image->width, rows = std::max(image->height, 2u) - 1;
-    std::vector<float> weights(static_cast<std::size_t>(width) * rows), solid_angles(weights.size());
+    std::vector<float> weights(static_cast<std::size_t>(width) * rows), bands(rows);
     double sum = 0, solid_angle = 0;
     for (std::uint32_t y = 0; y < rows; ++y) {
         const float low = height_ * static_cast<float>(y) / static_cast<float>(rows);
         const float high = height_ * static_cast<float>(y + 1) / static_cast<float>(rows);
-        const float band = cos(low) - cos(high); // solid angle of the row over 2 pi
+        const float band = bands[y] = cos(low) - cos(high); // solid angle of the row over 2 pi
         const std::uint32_t below = std::min(y + 1, image->height - 1);
         for (std::uint32_t x = 0; x < width; ++x) {
             const std::uint32_t right = (x + 1) % width;
             const Spectrum corners = image->texel(x, y) + image->texel(right, y) + image->texel(x, below) +
                                      image->texel(right, below);
             const std::size_t cell = static_cast<std::size_t>(y) * width + x;
-            solid_angles[cell] = band;
             weights[cell] = std::max(luminance(corners) / 4, 0.0f) * band;
             sum += weights[cell], solid_angle += band;
         }
     }
     mean_radiance_ = static_cast<float>(sum / (2.0 * width));
-    if (sampling == MapSampling::uniform) weights = solid_angles;
-    if (sampling == MapSampling::compensated) weights = excess(weights, solid_angles, sum / solid_angle);
+    const auto mean = static_cast<float>(sum / solid_angle);
+    for (std::size_t cell = 0; cell < weights.size(); ++cell)
+        weights[cell] = weight_for(sampling, weights[cell], bands[cell / width], mean);
     distribution_ = Distribution2D(weights, width, rows);
 }
 
