@@ -88,7 +88,7 @@ void TriangleMesh::fill(const Ray<float> &, const RayHit &found, const HitNeeds 
 }
 
 SurfaceSample TriangleMesh::sample(float u_triangle, Vec2f u) const {
-    const std::uint32_t index = areas.sample(u_triangle).index;
+    const auto index = static_cast<std::uint32_t>(areas.sample(u_triangle).index);
     const LightTriangle &t = light_triangles[index];
     const Vec2f b = sample_triangle(u);
     return {t.corner + t.edge1 * b.x + t.edge2 * b.y,

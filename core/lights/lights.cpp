@@ -141,7 +141,7 @@ LightPicker::LightPicker(std::span<const Light> lights, std::span<const TextureM
     for (std::uint32_t i = 0; i < lights.size(); ++i) {
         LightRecord<float> &record = records_.emplace_back();
         record.kind = static_cast<std::int32_t>(LightKind::other);
-        record.probability = picks_.probability(i);
+        record.probability = picks_.probability(static_cast<std::int32_t>(i));
         match(lights[i], [&](const auto &light) {
             using T = std::decay_t<decltype(light)>;
             if constexpr (std::is_same_v<T, AreaLight>) add_record(light, record);

@@ -64,7 +64,8 @@ private:
     };
     // Selects a cell by its area, then solves a quadratic equation in it.
     Deflection sample_deflection(float u) const {
-        const auto [i, probability, rest] = cells_.sample(u);
+        const auto [cell, probability, rest] = cells_.sample(u);
+        const auto i = static_cast<std::size_t>(cell);
         const float a = table_[i], b = table_[i + 1];
         const float divisor = a + std::sqrt(lerp(rest, a * a, b * b));
         // Not at the ends, where the value may be zero.

@@ -149,9 +149,8 @@ nb::dict distribution_sample(const Column &weights, const Column &u) {
 
 nb::object distribution_probability(const Column &weights) {
     const Distribution distribution(values_of(weights));
-    return tabulate<1>(distribution.size(), [&](std::size_t i) {
-        return distribution.probability(static_cast<std::uint32_t>(i));
-    });
+    return tabulate<1>(distribution.size(),
+                       [&](std::size_t i) { return distribution.probability(static_cast<std::int32_t>(i)); });
 }
 
 using Grid = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
