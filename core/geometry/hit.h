@@ -69,6 +69,14 @@ struct Lift {
     BoolOf<Float> is_raised() const { return is_raised(front) || is_raised(back); }
 };
 
+// The optional properties of hits that a render needs; others are not computed.
+struct HitNeeds {
+    bool uvs = true;       // uv
+    bool tangents = true;  // dp_du, dp_dv, duv
+    bool curvature = true; // dn; not without tangents
+    bool lift = false;     // of vertex normals
+};
+
 // A vertex of a path on a surface.
 template <class Float>
 struct Hit {
@@ -325,26 +333,29 @@ inline void set_lane(Vec3<WideFloat> &v, int k, const Vec3f &value) {
     v.x.v[k] = value.x, v.y.v[k] = value.y, v.z.v[k] = value.z;
 }
 
-inline void set_lane(Hit<WideFloat> &hits, int k, const Hit<float> &hit) {
+inline void set_lane(Hit<WideFloat> &hits, int k, const Hit<float> &hit, const HitNeeds &needs) {
     set_lane(hits.position, k, hit.position);
     set_lane(hits.normal, k, hit.normal);
     set_lane(hits.shading_normal, k, hit.shading_normal);
-    set_lane(hits.dp_du, k, hit.dp_du);
-    set_lane(hits.dp_dv, k, hit.dp_dv);
-    if (hits.dn) {
+    hits.barycentric.x.v[k] = hit.barycentric.x, hits.barycentric.y.v[k] = hit.barycentric.y;
+    hits.uv.x.v[k] = hit.uv.x, hits.uv.y.v[k] = hit.uv.y;
+    hits.position_error.v[k] = hit.position_error;
+    if (needs.tangents) {
+        set_lane(hits.dp_du, k, hit.dp_du);
+        set_lane(hits.dp_dv, k, hit.dp_dv);
+        if (hit.duv && !hits.duv) hits.duv.emplace();
+        if (hits.duv) {
+            const auto [first, second] = hit.duv.value_or(UvChange<float>{});
+            hits.duv->first.x.v[k] = first.x, hits.duv->first.y.v[k] = first.y;
+            hits.duv->second.x.v[k] = second.x, hits.duv->second.y.v[k] = second.y;
+        }
+    }
+    if (needs.curvature) {
+        if (!hits.dn) hits.dn.emplace();
         const NormalChange<float> flat{};
         set_lane(hits.dn->du, k, hit.dn.value_or(flat).du);
         set_lane(hits.dn->dv, k, hit.dn.value_or(flat).dv);
     }
-    if (hit.duv && !hits.duv) hits.duv.emplace();
-    if (hits.duv) {
-        const auto [first, second] = hit.duv.value_or(UvChange<float>{});
-        hits.duv->first.x.v[k] = first.x, hits.duv->first.y.v[k] = first.y;
-        hits.duv->second.x.v[k] = second.x, hits.duv->second.y.v[k] = second.y;
-    }
-    hits.barycentric.x.v[k] = hit.barycentric.x, hits.barycentric.y.v[k] = hit.barycentric.y;
-    hits.uv.x.v[k] = hit.uv.x, hits.uv.y.v[k] = hit.uv.y;
-    hits.position_error.v[k] = hit.position_error;
     if (hit.lift && !hits.lift) hits.lift.emplace();
     if (hits.lift) {
         const Lift<float> lift = hit.lift.value_or(Lift<float>{});

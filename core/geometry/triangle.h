@@ -6,14 +6,6 @@
 
 namespace lajolla {
 
-// The optional properties of hits that a render needs; others are not computed.
-struct HitNeeds {
-    bool uvs = true;       // uv
-    bool tangents = true;  // dp_du, dp_dv
-    bool curvature = true; // dn; not without tangents
-    bool lift = false;     // the smooth position, of vertex normals
-};
-
 template <class Float>
 struct TriangleCorners {
     Vec3<Float> a, b, c;

@@ -12,10 +12,10 @@ template <class Float>
 struct ShadingNormal {
     BoolOf<Float> differs = false; // otherwise the rest is undefined
     BoolOf<Float> lifted = false;  // reflected rays start above the triangle, which may shadow them itself
-    bool softened = false;         // the terminator
     Float bump = 0;                // tan^2 of the rotation of the normal by maps, if it casts shadows
     Vec3<Float> geometric{};       // normal
     Vec3<Float> smooth{};          // normal without maps
+    bool softened = false;         // the terminator
 
     // A factor of light scattered between wo and wi: 0 for reflection into the surface, less than 1 if bumps
     // cast shadows, or before the terminator, which mirrors do not have.
@@ -42,19 +42,19 @@ struct Surface {
     Vec3<Float> wo; // local
     LobeType lobe;
     ShadingNormal<Float> normal;
-    bool transmissive = false;
     BoolOf<Float> behind = false; // the viewer is on the back of the shape
+    bool transmissive = false;
+
+    Surface() = default;
+    explicit Surface(const LobeType &scatterer) : lobe(scatterer) {}
 
     // The start of a ray that is scattered at the hit. If the smooth surface is above the triangle on one of
     // its sides, what is reflected or refracted there starts on it, and the triangle may be in its way. Other
     // rays start on the side to which they go.
     Departure<Float> departure(const Hit<Float> &hit, const Vec3<Float> &direction) const {
-        if (!hit.lift) return depart(hit, direction);
-        const auto reflected = frame.to_local(direction).z * wo.z > 0.0f;
-        const auto front = (reflected && !behind) || (!reflected && behind);
-        const auto raised = Lift<Float>::is_raised(select(front, hit.lift->front, hit.lift->back));
-        const auto ahead = dot(hit.normal, direction) >= 0.0f;
-        return depart_lifted(hit, (raised && front) || (!raised && ahead));
+        if (!hit.lift) [[likely]]
+            return depart(hit, direction);
+        return lifted_departure(hit, direction);
     }
 
     // The BSDF times |cos| and the density for light from a direction in world space, for paths that do not
@@ -80,6 +80,14 @@ struct Surface {
     }
 
 private:
+    Departure<Float> lifted_departure(const Hit<Float> &hit, const Vec3<Float> &direction) const {
+        const auto reflected = frame.to_local(direction).z * wo.z > 0.0f;
+        const auto front = (reflected && !behind) || (!reflected && behind);
+        const auto raised = Lift<Float>::is_raised(select(front, hit.lift->front, hit.lift->back));
+        const auto ahead = dot(hit.normal, direction) >= 0.0f;
+        return depart_lifted(hit, (raised && front) || (!raised && ahead));
+    }
+
     BsdfEval<Float> eval_lobe(const Vec3<Float> &wi) const {
         if constexpr (std::is_same_v<LobeType, Lobe>) return lajolla::eval(lobe, wo, wi);
         else return lobe.eval(wo, wi);
@@ -90,19 +98,12 @@ private:
     }
 };
 
-// The frame in which a lobe scatters at a hit, and the correction for its shading normal.
-template <class Float>
-struct ShadingFrame {
-    BoolOf<Float> black; // the visible side has no BSDF
-    Frame<Float> frame;
-    ShadingNormal<Float> normal;
-    BoolOf<Float> behind = false; // the viewer is on the back of the shape
-};
-
-// For the viewer `wo` (world space); `turned` if the BSDF is that of the back, whose frame is flipped.
-template <class Float>
-ShadingFrame<Float> shading_frame(const BsdfTraits &traits, const Hit<Float> &hit, const Vec3<Float> &wo,
-                                  const MappedNormal<Float> &normal, BoolOf<Float> turned) {
+// The surface that the viewer `wo` (world space) sees in a hit, black where the visible side has no BSDF;
+// `turned` if the BSDF is that of the back, whose frame is flipped.
+template <class Float, class LobeType>
+Surface<Float, LobeType> surface_of(const BsdfTraits &traits, const LobeType &lobe, const Hit<Float> &hit,
+                                    const Vec3<Float> &wo, const MappedNormal<Float> &normal,
+                                    BoolOf<Float> turned) {
     const SeenNormals<Float> seen = seen_from(wo, hit.normal, normal);
     // Towards the viewer, until it is known whether the lobe distinguishes both sides.
     Vec3<Float> n = seen.shading;
@@ -113,10 +114,14 @@ ShadingFrame<Float> shading_frame(const BsdfTraits &traits, const Hit<Float> &hi
                                      : with_mirror_image_above(n, seen.geometric, wo),
                    n);
     if (traits.transmissive) n = select(seen.behind, -n, n);
-    ShadingFrame<Float> result{seen.behind && !turned && !BoolOf<Float>(traits.transmissive),
-                               traits.anisotropic ? frame_along(n, normal.tangent) : frame_around(n),
-                               {differs}};
+    Surface<Float, LobeType> result(lobe);
+    result.black = seen.behind && !turned && !BoolOf<Float>(traits.transmissive);
+    result.delta = traits.delta;
+    result.transmissive = traits.transmissive;
     result.behind = seen.behind;
+    result.frame = traits.anisotropic ? frame_along(n, normal.tangent) : frame_around(n);
+    result.wo = result.frame.to_local(wo);
+    result.normal.differs = differs;
     if (any(differs)) {
         result.normal.geometric = result.frame.to_local(hit.normal);
         result.normal.softened = normal.softened;

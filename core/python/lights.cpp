@@ -87,7 +87,7 @@ Emission emission(const Scene &scene, Index index, Vec3f p, Vec3f wi) {
             else return Emission{};
         });
     }
-    const Hit<float> hit = scene.hit(ray, *found, {});
+    const Hit<float> hit = scene.hit(ray, *found);
     if (hit.emitter < 0 || dot(hit.normal, wi) >= 0) return {};
     const Spectrum radiance = scene.lights().emitted(hit, -wi);
     if (!index) return {radiance, scene.lights().pdf_hit(p, hit, wi)};

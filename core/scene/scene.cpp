@@ -138,6 +138,12 @@ Scene::Scene(SceneParts parts, const Scene *before) : parts_(std::move(parts)), 
 
 Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const Footprint<float> &footprint,
                       const HitNeeds &needs) const {
+    Hit<float> result = hit(ray, found, needs);
+    result.footprint.move(footprint, ray.direction, found.distance, result.normal);
+    return result;
+}
+
+Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs) const {
     Hit<float> hit;
     hit.distance = found.distance;
     hit.shape = static_cast<std::int32_t>(found.shape);
@@ -148,12 +154,10 @@ Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const Footprin
     hit.emitter = slot.emitter;
     hit.interior = slot.interior;
     hit.exterior = slot.exterior;
-    HitNeeds own = needs;
-    own.lift = needs.lift && materials_->terminator(slot.material) == Terminator::hanika;
     if (found.instance != RayHit::no_instance) [[unlikely]]
-        fill_in_instance(ray, found, own, hit);
-    else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, own, hit); });
-    hit.footprint.move(footprint, ray.direction, found.distance, hit.normal);
+        fill_in_instance(ray, found, needs, hit);
+    else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, needs, hit); });
+    if (hit.lift && materials_->terminator(slot.material) != Terminator::hanika) hit.lift.reset();
     return hit;
 }
 
@@ -186,18 +190,32 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     result.material = as_int(slots.x), result.emitter = as_int(slots.y);
     result.interior = as_int(slots.z), result.exterior = as_int(slots.w);
 
+    unsigned in_meshes = 0; // one bit a lane
+    for (int k = 0; k < lanes; ++k)
+        in_meshes |= static_cast<unsigned>(mesh_of(hits.shape[k]).triangles != nullptr) << k;
+    const WideBool triangles = mask_of(in_meshes) && hits.instance == -1;
+    if (any(triangles)) fill_triangles(hits, bits(triangles), needs, result);
+    if (const WideBool others = active && !triangles; any(others))
+        for_each_lane(others,
+                      [&](int k) { set_lane(result, k, hit(lane_of(rays, k), hits[k], needs), needs); });
+    result.footprint.move(footprints, rays.direction, hits.distance, result.normal);
+    return result;
+}
+
+// Sets what depends on triangles in the lanes of `filled`, one bit a lane; it is undefined in the others.
+void Scene::fill_triangles(const RayHits &hits, unsigned filled, const HitNeeds &needs,
+                           Hit<WideFloat> &result) const {
     static constexpr float nothing[4]{};
     const float *positions[3][lanes], *normals[3][lanes], *uvs[3][lanes];
-    unsigned others = 0, with_normals = 0, with_uvs = 0, flipped = 0, lifted = 0; // one bit a lane
+    unsigned with_normals = 0, with_uvs = 0, flipped = 0, lifted = 0; // one bit a lane
     for (int k = 0; k < lanes; ++k) {
-        const MeshArrays &mesh = meshes_[static_cast<std::size_t>(hits.shape[k])];
         const unsigned bit = 1u << k;
-        if (!mesh.triangles || hits.instance[k] != -1) {
-            others |= bit;
+        if (!(filled & bit)) {
             for (int corner = 0; corner < 3; ++corner)
                 positions[corner][k] = normals[corner][k] = uvs[corner][k] = nothing;
             continue;
         }
+        const MeshArrays &mesh = mesh_of(hits.shape[k]);
         const Triangle &t = mesh.triangles[hits.primitive[k]];
         with_normals |= mesh.normals ? bit : 0, with_uvs |= mesh.uvs ? bit : 0;
         flipped |= mesh.flip_normals ? bit : 0;
@@ -234,12 +252,6 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
         result.lift->back = select(mask_of(lifted), result.lift->back, Vec3<WideFloat>(0));
         if (!any(result.lift->is_raised())) result.lift.reset();
     }
-
-    if (others)
-        for_each_lane(mask_of(others) && active,
-                      [&](int k) { set_lane(result, k, hit(lane_of(rays, k), hits[k], {}, needs)); });
-    result.footprint.move(footprints, rays.direction, hits.distance, result.normal);
-    return result;
 }
 
 namespace {
@@ -302,21 +314,12 @@ AnySurface Scene::surface(const Choice &choice, const Hit<float> &hit, const Vec
     const auto &[id, turned, normal] = choice;
     if (id < 0) return {};
     const BsdfTraits &traits = traits_of(id);
-    const auto [black, frame, shading_normal, behind] = shading_frame(traits, hit, wo, normal, turned);
-    if (black) return {};
-    const Vec3f local = frame.to_local(wo);
-    AnySurface result{false,
-                      traits.delta,
-                      1,
-                      frame,
-                      local,
-                      prepare(parts_.bsdfs[static_cast<std::size_t>(id)], bsdf_reader(traits, hit, wo)),
-                      shading_normal,
-                      traits.transmissive,
-                      behind};
+    const Lobe lobe = prepare(parts_.bsdfs[static_cast<std::size_t>(id)], bsdf_reader(traits, hit, wo));
+    AnySurface result = surface_of(traits, lobe, hit, wo, normal, turned);
+    if (result.black) return result;
     result.delta = result.delta || roughness(result.lobe) < least_roughness();
     if (traits.null_transmission)
-        result.scattering_probability = 1 - lajolla::null_transmission(result.lobe, local).probability;
+        result.scattering_probability = 1 - lajolla::null_transmission(result.lobe, result.wo).probability;
     return result;
 }
 

@@ -118,9 +118,11 @@ public:
         return light && !(light->radiance.is_constant() && is_black(light->radiance.constant));
     }
 
-    // Everything about a hit that the ray tracer found.
+    // Everything about a hit that the ray tracer found, but for its footprint.
+    Hit<float> hit(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs = {}) const;
+    // The same with its footprint, from that of the ray.
     Hit<float> hit(const Ray<float> &ray, const RayHit &found, const Footprint<float> &footprint,
-                   const HitNeeds &needs = {}) const;
+                   const HitNeeds &needs) const;
     // The same for several rays. Inactive lanes contain valid ids of other hits, and undefined numbers.
     Hit<WideFloat> hit(const Ray<WideFloat> &rays, const RayHits &found, WideBool active,
                        const Footprint<WideFloat> &footprints, const HitNeeds &needs) const;
@@ -222,8 +224,11 @@ private:
         MappedNormal<float> normal;
     };
     Side side(const Hit<float> &hit, const Vec3f &wo) const;
+    const MeshArrays &mesh_of(std::int32_t shape) const { return meshes_[static_cast<std::size_t>(shape)]; }
     void fill_in_instance(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs,
                           Hit<float> &hit) const;
+    void fill_triangles(const RayHits &hits, unsigned filled, const HitNeeds &needs,
+                        Hit<WideFloat> &result) const;
     void connect_lights(bool prepare_shapes);
     void describe_looks();
 

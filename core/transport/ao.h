@@ -44,7 +44,7 @@ struct AmbientOcclusion {
             for (int passed = 0; passed <= max_ignored; ++passed) {
                 const auto found = tracer.closest(ray);
                 if (!found) return false;
-                const Hit<float> hit = scene.hit(ray, *found, {});
+                const Hit<float> hit = scene.hit(ray, *found);
                 if (scene.is_in_photograph(hit)) return true;
                 ray = {leave(hit, ray.direction), ray.direction, 0, ray.far - hit.distance};
             }

@@ -73,7 +73,8 @@ inline Spectrum Direct::sample_bsdf(const Scene &scene, Tracer &tracer, const Hi
     const BsdfSample<float> sample = surface.sample(u.lobe, u.bsdf_uv);
     if (!sample.valid) return Spectrum(0);
     Path::Walk<Vacuum> walk{{}, {}, Spectrum(0), groups};
-    Path::scatter(scene, hit, surface.departure(hit, sample.wi), sample, surface.delta, walk.path);
+    walk.path =
+        Path::scattered(scene, walk.path, hit, surface.departure(hit, sample.wi), sample, surface.delta);
     walk.path.pdf *= directions_per_light();
     walk.path.u_event = u.event;
     follow(scene, tracer, tracer.closest(walk.path.ray), walk, [](const Hit<float> &) {});
@@ -85,7 +86,7 @@ inline Spectrum Direct::scattered_at(const Scene &scene, Tracer &tracer, const S
                                      const LightGroups &groups) const {
     const Vec3f wo = -path.ray.direction;
     Hit<float> hit = found;
-    lower_lift(tracer, true, hit);
+    if (hit.lift) lower_lift(tracer, true, hit);
     const AnySurface chosen = scene.surface(hit, wo, path.u_event);
     const auto number = [&](int i) { return sampler.bounce(static_cast<std::uint32_t>(i)); };
     const float light_share = 1 / static_cast<float>(std::max(emitter_samples, 1)),

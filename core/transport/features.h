@@ -64,7 +64,7 @@ template <class Medium>
 bool Features::follows(const Scene &scene, Tracer &tracer, const Sampler &sampler, Hit<float> hit,
                        Path::Walk<Medium> &walk) {
     PathState<float> &path = walk.path;
-    lower_lift(tracer, true, hit);
+    if (hit.lift) lower_lift(tracer, true, hit);
     const AnySurface surface = scene.surface(hit, -path.ray.direction, path.u_event);
     if (!surface.black && !surface.delta)
         if (const auto colour = scene.diffuse_colour(hit, -path.ray.direction, path.u_event)) {
@@ -79,7 +79,7 @@ bool Features::follows(const Scene &scene, Tracer &tracer, const Sampler &sample
         return false;
     }
     const Departure<float> start = surface.departure(hit, sample.wi);
-    Path::scatter(scene, hit, start, sample, surface.delta, path);
+    path = Path::scattered(scene, path, hit, start, sample, surface.delta);
     walk.medium.cross(hit, sample.wi, start);
     path.u_event = u.event;
     path.block += 1;

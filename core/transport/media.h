@@ -366,7 +366,7 @@ inline Flight InMedia::fly(const Scene &scene, Ray<float> ray, const std::option
 
 inline void InMedia::approach(const Scene &scene, const Ray<float> &ray, const RayHit &found,
                               float remaining) {
-    const Hit<float> hit = scene.hit(ray, found, {}, scene.needs());
+    const Hit<float> hit = scene.hit(ray, found, scene.needs());
     const NearSurface ahead(hit, -ray.direction, ray.direction * -remaining);
     if (ahead.reaches(remaining) && (!near_ || ahead.depth() < near_->depth())) near_ = ahead;
 }

@@ -41,7 +41,8 @@ inline constexpr int longest_without_roulette = 4096;
 // of times without losing energy would have a high variance.
 inline constexpr float highest_survival = 0.95f;
 
-// The state of a path, or of one in each lane.
+// The state of a path, or of one in each lane. It is filled in member by member: as one expression, g++ first
+// clears all of it, also the differentials of ordinary scenes.
 template <class Float>
 struct PathState {
     Ray<Float> ray;
@@ -101,7 +102,10 @@ struct Path {
     }
     template <class Float>
     static PathState<Float> start(const Scene &scene, const CameraRay<Float> &camera, FootprintKind kind) {
-        PathState<Float> path{camera.ray, {camera.cone, std::nullopt}, camera.ray.origin};
+        PathState<Float> path;
+        path.ray = camera.ray;
+        path.footprint.cone = camera.cone;
+        path.from = camera.ray.origin;
         path.u_event = camera.u_event;
         if (kind == FootprintKind::differentials && scene.reads_footprints())
             path.footprint.differentials = scene.camera_differentials(camera.film, camera.lens);
@@ -144,22 +148,26 @@ struct Path {
         return bsdf.f_cos * light.radiance * (weight / (light.pdf * sqr(bsdf.eta)));
     }
 
-    // Continues a path from a surface in a sampled direction. Refraction does not change L / eta^2 (Veach
-    // 1997, section 5.2).
+    // The path that continues from a surface in a sampled direction. Refraction does not change L / eta^2
+    // (Veach 1997, section 5.2).
     template <class Float>
-    static void scatter(const Scene &scene, const Hit<Float> &hit, const Departure<Float> &start,
-                        const BsdfSample<Float> &sample, BoolOf<Float> delta, PathState<Float> &path) {
-        path.throughput = path.throughput * sample.weight * (1 / sqr(sample.eta));
-        path.eta *= sample.eta;
-        path.from = start.vertex;
-        path.pdf = sample.pdf;
-        path.delta = delta || sample.delta;
+    static PathState<Float> scattered(const Scene &scene, const PathState<Float> &path, const Hit<Float> &hit,
+                                      const Departure<Float> &start, const BsdfSample<Float> &sample,
+                                      BoolOf<Float> delta) {
+        PathState<Float> next;
+        next.throughput = path.throughput * sample.weight * (1 / sqr(sample.eta));
+        next.eta = path.eta * sample.eta;
+        next.from = start.vertex;
+        next.pdf = sample.pdf;
+        next.delta = delta || sample.delta;
+        next.ray = {start.origin, sample.wi};
+        next.depth = path.depth + 1;
+        next.block = path.block;
+        next.u_event = path.u_event;
         if (scene.reads_footprints())
-            path.footprint =
+            next.footprint =
                 scattered_footprint(hit, path.ray.direction, sample.wi, sample.width, sample.eta);
-        path.ray = {start.origin, sample.wi};
-        path.depth += 1;
-        path.null_transmissions = 0;
+        return next;
     }
     // Russian roulette on the throughput without eta^2, so that paths entering glass are not terminated.
     // `highest` bounds the survival probability. Returns false if the path ends.
@@ -386,7 +394,7 @@ bool Path::scatter_at_surface(const Scene &scene, Tracer &tracer, const Sampler 
     const BsdfSample<float> sample = surface.sample(u.lobe, u.bsdf_uv);
     if (!sample.valid) return false;
     const Departure<float> start = surface.departure(hit, sample.wi);
-    scatter(scene, hit, start, sample, surface.delta, path);
+    path = scattered(scene, path, hit, start, sample, surface.delta);
     walk.medium.cross(hit, sample.wi, start);
     return true;
 }
@@ -436,7 +444,7 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
     walk.from_catcher = outcome == Outcome::catcher || (walk.from_catcher && outcome == Outcome::passed);
     if (outcome != Outcome::stopped && outcome != Outcome::catcher) return outcome == Outcome::passed;
     if (path.depth == max_depth || !surfaces_scatter) return false;
-    lower_lift(tracer, true, hit);
+    if (hit.lift) lower_lift(tracer, true, hit);
     if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return false;
     if (!is_finite(path.throughput)) [[unlikely]] {
         walk.radiance = path.throughput; // the caller counts it

@@ -61,11 +61,10 @@ inline WideFloat free_distance(Tracer &tracer, const Ray<WideFloat> &rays, WideB
     return select(found.shape >= 0, found.distance, rays.far);
 }
 
-// Lowers the lifts of hits where something is in the way, so that no ray starts behind it: it reaches at most
-// half of the way to there.
+// Lowers lifts where something is in the way, so that no ray starts behind it: they reach at most half of the
+// way to there. The hit has lifts.
 template <class Float>
 void lower_lift(Tracer &tracer, BoolOf<Float> active, Hit<Float> &hit) {
-    if (!hit.lift) return;
     const auto lower = [&](Vec3<Float> &lift) {
         const auto raised = active && Lift<Float>::is_raised(lift);
         if (!any(raised)) return;

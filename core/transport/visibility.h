@@ -47,7 +47,7 @@ transmittance(const Scene &scene, Tracer &tracer, Ray<float> ray, std::optional<
         medium.attenuate(scene, {ray.origin, light.wi, 0, t * length(ray.direction)}, result);
     };
     for (int passed = 0, met = 0; found; ++met) {
-        const Hit<float> hit = scene.hit(ray, *found, {}, scene.needs());
+        const Hit<float> hit = scene.hit(ray, *found, scene.needs());
         if (met == max_ignored) return std::nullopt;
         if (!ignored(hit)) {
             const bool passes = passed++ < max_null_transmissions &&

@@ -98,34 +98,37 @@ void Wavefront::for_each_packet(std::span<const std::int32_t> paths, F &&f) cons
 
 // The sign of the density marks that light sampling was impossible.
 PathState<WideFloat> Wavefront::load(const Packet &packet) const {
-    const auto rows = [&](int i) {
-        return load_rows([&](int k) { return row(&paths_[static_cast<std::size_t>(packet.paths[k])], i); });
-    };
+    const StoredPath *stored[lanes];
+    for (int k = 0; k < lanes; ++k) stored[k] = &paths_[static_cast<std::size_t>(packet.paths[k])];
+    const auto rows = [&](int i) { return load_rows([&](int k) { return row(stored[k], i); }); };
     const auto origin = rows(0), direction = rows(1), throughput = rows(2), from = rows(3), range = rows(4),
                counts = rows(5);
-    std::optional<RayDifferentials<WideFloat>> differentials;
-    if (const WideBool followed = range.w != 0.0f; any(followed))
-        differentials = load_differentials(packet, followed);
-    return {{vector_of(origin), vector_of(direction), range.x, range.y},
-            {{from.w, range.z}, differentials},
-            vector_of(from),
-            abs(origin.w),
-            as_int(origin.w) < 0,
-            Rgb<WideFloat>(vector_of(throughput)),
-            direction.w,
-            throughput.w,
-            as_int(counts.x),
-            as_int(counts.y),
-            as_int(counts.z)};
+    PathState<WideFloat> path;
+    path.ray = {vector_of(origin), vector_of(direction), range.x, range.y};
+    path.footprint.cone = {from.w, range.z};
+    path.from = vector_of(from);
+    path.pdf = abs(origin.w);
+    path.delta = as_int(origin.w) < 0;
+    path.throughput = Rgb<WideFloat>(vector_of(throughput));
+    path.eta = direction.w;
+    path.u_event = throughput.w;
+    path.depth = as_int(counts.x);
+    path.block = as_int(counts.y);
+    path.null_transmissions = as_int(counts.z);
+    if (!differentials_.empty()) path.footprint.differentials = load_differentials(packet);
+    return path;
 }
 
-RayDifferentials<WideFloat> Wavefront::load_differentials(const Packet &packet, WideBool followed) const {
-    const auto rows = [&](int i) {
-        return load_rows(
-            [&](int k) { return row(&differentials_[static_cast<std::size_t>(packet.paths[k])], i); });
+// None if no lane follows any.
+std::optional<RayDifferentials<WideFloat>> Wavefront::load_differentials(const Packet &packet) const {
+    const auto rows_of = [&](const auto &stored, int i) {
+        return load_rows([&](int k) { return row(&stored[static_cast<std::size_t>(packet.paths[k])], i); });
     };
-    const auto a = rows(0), b = rows(1), c = rows(2);
-    return {{a.x, a.y, a.z}, {a.w, b.x, b.y}, {b.z, b.w, c.x}, {c.y, c.z, c.w}, followed};
+    const WideBool followed = rows_of(paths_, 4).w != 0.0f;
+    if (!any(followed)) return std::nullopt;
+    const auto a = rows_of(differentials_, 0), b = rows_of(differentials_, 1), c = rows_of(differentials_, 2);
+    return RayDifferentials<WideFloat>{
+        {a.x, a.y, a.z}, {a.w, b.x, b.y}, {b.z, b.w, c.x}, {c.y, c.z, c.w}, followed};
 }
 
 std::int32_t Wavefront::sample_of(std::int32_t path) const {
@@ -184,7 +187,9 @@ void Wavefront::append(const PathState<WideFloat> &path, const Packet &packet, W
     const unsigned kept = bits(active);
     const auto &differentials = path.footprint.differentials;
     if (differentials) store_differentials(*differentials, next_count_, kept);
-    for (int k = 0; k < lanes; ++k) to[k] = kept >> k & 1 ? &next_[next_count_++] : &unused;
+    StoredPath *end = next_.data() + next_count_;
+    for (int k = 0; k < lanes; ++k) to[k] = kept >> k & 1 ? end++ : &unused;
+    next_count_ = static_cast<std::size_t>(end - next_.data());
     const auto store = [&](int i, const Quad<WideFloat> &q) {
         store_rows(q, [&](int k) { return row(to[k], i); });
     };
@@ -217,7 +222,9 @@ void Wavefront::append(const Ray<WideFloat> &ray, const Rgb<WideFloat> &value, W
     StoredShadowRay unused;
     StoredShadowRay *to[lanes];
     const unsigned kept = bits(active);
-    for (int k = 0; k < lanes; ++k) to[k] = kept >> k & 1 ? &shadow_rays_[shadow_count_++] : &unused;
+    StoredShadowRay *end = shadow_rays_.data() + shadow_count_;
+    for (int k = 0; k < lanes; ++k) to[k] = kept >> k & 1 ? end++ : &unused;
+    shadow_count_ = static_cast<std::size_t>(end - shadow_rays_.data());
     store_rows(quad(ray.origin, ray.far), [&](int k) { return row(to[k], 0); });
     store_rows(quad(ray.direction, as_float(lajolla::load(packet.samples))),
                [&](int k) { return row(to[k], 1); });
@@ -473,19 +480,10 @@ template <class Model>
                                              WideBool turned, WideBool active, WideFloat share, Task task,
                                              Tracer &tracer) {
     const auto &[packet, incoming, hit, wo, u] = vertex;
-    const auto [black, frame, shading_normal, behind] = shading_frame(traits, hit, wo, normal, turned);
-    active = active && !black;
+    const auto lobe = prepare_lobe<WideFloat>(model, scene_.bsdf_reader(traits, hit, wo));
+    auto surface = surface_of(traits, lobe, hit, wo, normal, turned);
+    active = active && !surface.black;
     if (!any(active)) return;
-    Surface<WideFloat, LobeOf<Model, WideFloat>> surface{
-        black,
-        traits.delta,
-        1,
-        frame,
-        frame.to_local(wo),
-        prepare_lobe<WideFloat>(model, scene_.bsdf_reader(traits, hit, wo)),
-        shading_normal,
-        traits.transmissive,
-        behind};
     surface.delta = surface.delta || WideFloat(surface.lobe.roughness()) < scene_.least_roughness();
     if constexpr (requires { surface.lobe.null_transmission(wo); })
         surface.scattering_probability = 1 - surface.lobe.null_transmission(surface.wo).probability;
@@ -497,8 +495,8 @@ template <class Model>
 
     const BsdfSample<WideFloat> sample = surface.sample(u.lobe, u.bsdf_uv);
     WideBool goes_on = active && sample.valid;
-    PathState<WideFloat> path = incoming;
-    Path::scatter(scene_, hit, surface.departure(hit, sample.wi), sample, surface.delta, path);
+    PathState<WideFloat> path =
+        Path::scattered(scene_, incoming, hit, surface.departure(hit, sample.wi), sample, surface.delta);
     const WideBool broken = goes_on && !is_finite(path.throughput);
     if (any(broken)) // whoever takes the sample counts it
         for_each_lane(broken, [&](int k) {
@@ -533,7 +531,7 @@ template <class Model>
         if (sides == Sides::front_only) active = active && !turned;
         if (sides == Sides::back_only) active = active && turned;
         if (!any(active)) return;
-        lower_lift(tracer, active, hit);
+        if (hit.lift) lower_lift(tracer, active, hit);
         const Vec3<WideFloat> normal = select(turned, -hit.shading_normal, hit.shading_normal);
         const MappedNormal<WideFloat> unmapped{normal, hit.dp_du, turned, false, softened};
         scatter_at({packet, path, hit, wo, numbers(packet, path)}, model, traits, unmapped, turned, active, 1,
@@ -570,7 +568,7 @@ void Wavefront::scatter_tree(const Material &material, std::span<const std::int3
             }
             active = active && path.depth != integrator_.max_depth;
             if (!any(active)) return;
-            lower_lift(tracer, active, hit);
+            if (hit.lift) lower_lift(tracer, active, hit);
             const bool each_leaf = materials.is_small_blend(root);
             if (each_leaf)
                 materials.for_each_leaf(root, read, hit, wo, normal, WideFloat(1),

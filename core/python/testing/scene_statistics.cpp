@@ -74,7 +74,7 @@ std::vector<std::optional<Hit<float>>> closest_hits(const Scene &scene, const Ro
     std::vector<std::optional<Hit<float>>> hits(directions.shape(0));
     for (std::size_t i = 0; i < hits.size(); ++i) {
         const Ray<float> ray{scene.from_world(triple(origins, i)), triple(directions, i)};
-        if (const auto found = scene.accel().closest(ray)) hits[i] = scene.hit(ray, *found, {});
+        if (const auto found = scene.accel().closest(ray)) hits[i] = scene.hit(ray, *found);
     }
     return hits;
 }
@@ -130,7 +130,7 @@ std::optional<Hit<float>> hit_after(const Scene &scene, const Vec2f &film, const
         if (surface.black) return std::nullopt;
         const BsdfSample<float> sample = surface.sample(u_lobe, {0.5f, 0.5f});
         if (!sample.valid) return std::nullopt;
-        Path::scatter(scene, hit, surface.departure(hit, sample.wi), sample, surface.delta, path);
+        path = Path::scattered(scene, path, hit, surface.departure(hit, sample.wi), sample, surface.delta);
     }
 }
 
