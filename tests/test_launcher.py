@@ -114,6 +114,17 @@ def test_a_failed_build_shows_its_log(checkout: Path) -> None:
     assert result.stderr.endswith("lajolla: error: the build failed\n")
 
 
+def test_a_build_ends_where_termination_is_ignored(checkout: Path) -> None:
+    """What shows its steps ends with it, and does not keep a pipe open, whatever happens to signals."""
+    make_environment(checkout, checkout)
+    os.utime(checkout / ".venv" / "lajolla-built", (0, 0))
+    result = subprocess.run(
+        [checkout / "lajolla", "list"], capture_output=True, text=True, timeout=20, check=True,
+        preexec_fn=lambda: signal.signal(signal.SIGTERM, signal.SIG_IGN),
+    )  # fmt: skip
+    assert result.stderr == "lajolla: building what changed\n"
+
+
 def test_an_interrupted_build_is_one_line(checkout: Path) -> None:
     waits = '#!/bin/sh\n[ "$1" = -c ] && exit 0\necho "[3/7] Building"\nsleep 30\n'
     make_environment(checkout, checkout, waits)
