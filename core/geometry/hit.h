@@ -327,12 +327,12 @@ inline Hit<float> lane_of(const Hit<WideFloat> &hits, int k) {
             hits.exterior[k]};
 }
 
-// Writes the fields of a hit that describe its position into one lane; those of the ray query are set
-// already.
 inline void set_lane(Vec3<WideFloat> &v, int k, const Vec3f &value) {
     v.x.v[k] = value.x, v.y.v[k] = value.y, v.z.v[k] = value.z;
 }
 
+// Writes the fields of a hit that describe its position into one lane, the derivatives if they are needed;
+// those of the ray query are set already.
 inline void set_lane(Hit<WideFloat> &hits, int k, const Hit<float> &hit, const HitNeeds &needs) {
     set_lane(hits.position, k, hit.position);
     set_lane(hits.normal, k, hit.normal);

@@ -46,15 +46,24 @@ struct Surface {
     bool transmissive = false;
 
     Surface() = default;
-    explicit Surface(const LobeType &scatterer) : lobe(scatterer) {}
+    explicit Surface(const LobeType &scatterer) : black(false), lobe(scatterer) {}
+
+    Float roughness() const {
+        if constexpr (std::is_same_v<LobeType, Lobe>) return lajolla::roughness(lobe);
+        else return lobe.roughness();
+    }
+    // Of paths that pass straight through.
+    NullTransmission<Float> null_transmission() const {
+        if constexpr (std::is_same_v<LobeType, Lobe>) return lajolla::null_transmission(lobe, wo);
+        else if constexpr (requires { lobe.null_transmission(wo); }) return lobe.null_transmission(wo);
+        else return {};
+    }
 
     // The start of a ray that is scattered at the hit. If the smooth surface is above the triangle on one of
     // its sides, what is reflected or refracted there starts on it, and the triangle may be in its way. Other
     // rays start on the side to which they go.
     Departure<Float> departure(const Hit<Float> &hit, const Vec3<Float> &direction) const {
-        if (!hit.lift) [[likely]]
-            return depart(hit, direction);
-        return lifted_departure(hit, direction);
+        return hit.lift ? lifted_departure(hit, direction) : depart(hit, direction);
     }
 
     // The BSDF times |cos| and the density for light from a direction in world space, for paths that do not
@@ -80,7 +89,9 @@ struct Surface {
     }
 
 private:
-    Departure<Float> lifted_departure(const Hit<Float> &hit, const Vec3<Float> &direction) const {
+    // Not inlined, because few surfaces have lifts.
+    [[gnu::noinline]] Departure<Float> lifted_departure(const Hit<Float> &hit,
+                                                        const Vec3<Float> &direction) const {
         const auto reflected = frame.to_local(direction).z * wo.z > 0.0f;
         const auto front = (reflected && !behind) || (!reflected && behind);
         const auto raised = Lift<Float>::is_raised(select(front, hit.lift->front, hit.lift->back));
@@ -98,12 +109,20 @@ private:
     }
 };
 
-// The surface that the viewer `wo` (world space) sees in a hit, black where the visible side has no BSDF;
-// `turned` if the BSDF is that of the back, whose frame is flipped.
+// Whether the side of a hit that the viewer `wo` (world space) sees has no BSDF; `turned` if this is that of
+// the back, whose frame is flipped.
+template <class Float>
+BoolOf<Float> sees_black(const BsdfTraits &traits, const Hit<Float> &hit, const Vec3<Float> &wo,
+                         BoolOf<Float> turned) {
+    return dot(hit.normal, wo) < 0.0f && !turned && !BoolOf<Float>(traits.transmissive);
+}
+
+// The surface that the viewer sees in a hit, where that is not black. What is less rough than
+// `least_roughness` counts as delta.
 template <class Float, class LobeType>
 Surface<Float, LobeType> surface_of(const BsdfTraits &traits, const LobeType &lobe, const Hit<Float> &hit,
                                     const Vec3<Float> &wo, const MappedNormal<Float> &normal,
-                                    BoolOf<Float> turned) {
+                                    float least_roughness) {
     const SeenNormals<Float> seen = seen_from(wo, hit.normal, normal);
     // Towards the viewer, until it is known whether the lobe distinguishes both sides.
     Vec3<Float> n = seen.shading;
@@ -115,12 +134,12 @@ Surface<Float, LobeType> surface_of(const BsdfTraits &traits, const LobeType &lo
                    n);
     if (traits.transmissive) n = select(seen.behind, -n, n);
     Surface<Float, LobeType> result(lobe);
-    result.black = seen.behind && !turned && !BoolOf<Float>(traits.transmissive);
-    result.delta = traits.delta;
+    result.delta = BoolOf<Float>(traits.delta) || result.roughness() < least_roughness;
     result.transmissive = traits.transmissive;
     result.behind = seen.behind;
     result.frame = traits.anisotropic ? frame_along(n, normal.tangent) : frame_around(n);
     result.wo = result.frame.to_local(wo);
+    if (traits.null_transmission) result.scattering_probability = 1 - result.null_transmission().probability;
     result.normal.differs = differs;
     if (any(differs)) {
         result.normal.geometric = result.frame.to_local(hit.normal);

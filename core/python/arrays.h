@@ -49,7 +49,7 @@ public:
     void set(std::size_t i, auto... values) {
         static_assert(sizeof...(values) == N);
         T *target = row(i);
-        ((*target++ = static_cast<T>(values)), ...);
+        ((*target++ = values), ...);
     }
     void set(std::size_t i, Vec2f v) { set(i, v.x, v.y); }
     void set(std::size_t i, const std::array<double, 3> &v) { set(i, v[0], v[1], v[2]); }

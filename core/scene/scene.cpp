@@ -144,20 +144,21 @@ Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const Footprin
 }
 
 Hit<float> Scene::hit(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs) const {
+    const ShapeSlot &slot = parts_.slots[found.shape];
     Hit<float> hit;
     hit.distance = found.distance;
     hit.shape = static_cast<std::int32_t>(found.shape);
     hit.primitive = static_cast<std::int32_t>(found.primitive);
     hit.instance = static_cast<std::int32_t>(found.instance);
-    const ShapeSlot &slot = parts_.slots[found.shape];
     hit.material = slot.material;
     hit.emitter = slot.emitter;
     hit.interior = slot.interior;
     hit.exterior = slot.exterior;
+    HitNeeds own = needs;
+    own.lift = needs.lift && materials_->terminator(slot.material) == Terminator::hanika;
     if (found.instance != RayHit::no_instance) [[unlikely]]
-        fill_in_instance(ray, found, needs, hit);
-    else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, needs, hit); });
-    if (hit.lift && materials_->terminator(slot.material) != Terminator::hanika) hit.lift.reset();
+        fill_in_instance(ray, found, own, hit);
+    else match(parts_.shapes[found.shape], [&](const auto &shape) { shape.fill(ray, found, own, hit); });
     return hit;
 }
 
@@ -194,7 +195,7 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     for (int k = 0; k < lanes; ++k)
         in_meshes |= static_cast<unsigned>(mesh_of(hits.shape[k]).triangles != nullptr) << k;
     const WideBool triangles = mask_of(in_meshes) && hits.instance == -1;
-    if (any(triangles)) fill_triangles(hits, bits(triangles), needs, result);
+    if (any(triangles)) fill_triangles(hits, triangles, needs, result);
     if (const WideBool others = active && !triangles; any(others))
         for_each_lane(others,
                       [&](int k) { set_lane(result, k, hit(lane_of(rays, k), hits[k], needs), needs); });
@@ -202,15 +203,16 @@ Hit<WideFloat> Scene::hit(const Ray<WideFloat> &rays, const RayHits &found, Wide
     return result;
 }
 
-// Sets what depends on triangles in the lanes of `filled`, one bit a lane; it is undefined in the others.
-void Scene::fill_triangles(const RayHits &hits, unsigned filled, const HitNeeds &needs,
+// Sets what depends on triangles in the lanes of `filled`; it is undefined in the others.
+void Scene::fill_triangles(const RayHits &hits, WideBool filled, const HitNeeds &needs,
                            Hit<WideFloat> &result) const {
     static constexpr float nothing[4]{};
     const float *positions[3][lanes], *normals[3][lanes], *uvs[3][lanes];
-    unsigned with_normals = 0, with_uvs = 0, flipped = 0, lifted = 0; // one bit a lane
+    const unsigned kept = bits(filled); // one bit a lane, as these:
+    unsigned with_normals = 0, with_uvs = 0, flipped = 0, lifted = 0;
     for (int k = 0; k < lanes; ++k) {
         const unsigned bit = 1u << k;
-        if (!(filled & bit)) {
+        if (!(kept & bit)) {
             for (int corner = 0; corner < 3; ++corner)
                 positions[corner][k] = normals[corner][k] = uvs[corner][k] = nothing;
             continue;
@@ -314,13 +316,9 @@ AnySurface Scene::surface(const Choice &choice, const Hit<float> &hit, const Vec
     const auto &[id, turned, normal] = choice;
     if (id < 0) return {};
     const BsdfTraits &traits = traits_of(id);
+    if (sees_black(traits, hit, wo, turned)) return {};
     const Lobe lobe = prepare(parts_.bsdfs[static_cast<std::size_t>(id)], bsdf_reader(traits, hit, wo));
-    AnySurface result = surface_of(traits, lobe, hit, wo, normal, turned);
-    if (result.black) return result;
-    result.delta = result.delta || roughness(result.lobe) < least_roughness();
-    if (traits.null_transmission)
-        result.scattering_probability = 1 - lajolla::null_transmission(result.lobe, result.wo).probability;
-    return result;
+    return surface_of(traits, lobe, hit, wo, normal, least_roughness());
 }
 
 std::optional<Spectrum> Scene::diffuse_colour(const Hit<float> &hit, const Vec3f &wo, float u) const {

@@ -227,7 +227,7 @@ private:
     const MeshArrays &mesh_of(std::int32_t shape) const { return meshes_[static_cast<std::size_t>(shape)]; }
     void fill_in_instance(const Ray<float> &ray, const RayHit &found, const HitNeeds &needs,
                           Hit<float> &hit) const;
-    void fill_triangles(const RayHits &hits, unsigned filled, const HitNeeds &needs,
+    void fill_triangles(const RayHits &hits, WideBool filled, const HitNeeds &needs,
                         Hit<WideFloat> &result) const;
     void connect_lights(bool prepare_shapes);
     void describe_looks();

@@ -86,7 +86,7 @@ inline Spectrum Direct::scattered_at(const Scene &scene, Tracer &tracer, const S
                                      const LightGroups &groups) const {
     const Vec3f wo = -path.ray.direction;
     Hit<float> hit = found;
-    if (hit.lift) lower_lift(tracer, true, hit);
+    lower_lift(tracer, true, hit);
     const AnySurface chosen = scene.surface(hit, wo, path.u_event);
     const auto number = [&](int i) { return sampler.bounce(static_cast<std::uint32_t>(i)); };
     const float light_share = 1 / static_cast<float>(std::max(emitter_samples, 1)),

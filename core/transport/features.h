@@ -64,7 +64,7 @@ template <class Medium>
 bool Features::follows(const Scene &scene, Tracer &tracer, const Sampler &sampler, Hit<float> hit,
                        Path::Walk<Medium> &walk) {
     PathState<float> &path = walk.path;
-    if (hit.lift) lower_lift(tracer, true, hit);
+    lower_lift(tracer, true, hit);
     const AnySurface surface = scene.surface(hit, -path.ray.direction, path.u_event);
     if (!surface.black && !surface.delta)
         if (const auto colour = scene.diffuse_colour(hit, -path.ray.direction, path.u_event)) {

@@ -6,8 +6,8 @@
 //
 // where x_2 is the first point that the ray from x_1 along wi hits. A path is extended from the camera vertex
 // by vertex: `emitted` adds Le if the path hits a light, `direct` estimates direct illumination by sampling
-// lights, and `scatter` samples wi. Light found by both techniques is weighted by multiple importance
-// sampling.
+// lights, and `scattered` continues the path along a sampled wi. Light found by both techniques is weighted
+// by multiple importance sampling.
 //
 // The functions are templates over the number type. Here, they follow one path to its end (depth first)
 // through surfaces and media; transport/wavefront.h calls them for one vertex of many paths at once, with the
@@ -342,7 +342,7 @@ inline Flight Path::cross_medium(const Scene &scene, const std::optional<RayHit>
     walk.add(-1, path.throughput * flight.emitted);
     path.throughput *= flight.weight;
     path.pdf *= flight.pdf;
-    if (flight.surface) {
+    if (flight.surface && scene.reads_footprints()) {
         Hit<float> &hit = *flight.surface;
         const Vec3f &direction = path.ray.direction;
         hit.footprint.move(path.footprint, direction, dot(hit.position - path.ray.origin, direction),
@@ -363,7 +363,8 @@ inline void Path::scatter_in_medium(const Scene &scene, Tracer &tracer, const Sa
                                   walk.groups.times(path.throughput));
     const PhaseSample scattered = vertex.phase.sample(vertex.wo, u.lobe, u.bsdf_uv);
     const float distance = length(vertex.point - path.ray.origin);
-    path.footprint = {path.footprint.cone.at(distance).scattered(0, 1, 1), std::nullopt};
+    path.footprint.cone = path.footprint.cone.at(distance).scattered(0, 1, 1);
+    path.footprint.differentials.reset();
     path.from = vertex.point;
     path.pdf = scattered.pdf;
     path.delta = false;
@@ -444,7 +445,7 @@ bool Path::step(const Scene &scene, Tracer &tracer, const Sampler &sampler,
     walk.from_catcher = outcome == Outcome::catcher || (walk.from_catcher && outcome == Outcome::passed);
     if (outcome != Outcome::stopped && outcome != Outcome::catcher) return outcome == Outcome::passed;
     if (path.depth == max_depth || !surfaces_scatter) return false;
-    if (hit.lift) lower_lift(tracer, true, hit);
+    lower_lift(tracer, true, hit);
     if (!scatter_at_surface(scene, tracer, sampler, u, hit, walk)) return false;
     if (!is_finite(path.throughput)) [[unlikely]] {
         walk.radiance = path.throughput; // the caller counts it

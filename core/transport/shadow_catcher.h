@@ -41,7 +41,7 @@ CaughtLight caught_light(const Scene &scene, Tracer &tracer, const Sampler &samp
     by_lights.strategy = Strategy::light;
     const auto &[found, seen_hit, u_event] = *seen.surface;
     Hit<float> hit = seen_hit;
-    if (hit.lift) lower_lift(tracer, true, hit);
+    lower_lift(tracer, true, hit);
     const Vec3f wo = -primary.camera().ray.direction;
     const BounceSample<float> u = sampler.bounce(1);
     const auto add = [&](const AnySurface &each, float share) {

@@ -61,10 +61,12 @@ inline WideFloat free_distance(Tracer &tracer, const Ray<WideFloat> &rays, WideB
     return select(found.shape >= 0, found.distance, rays.far);
 }
 
-// Lowers lifts where something is in the way, so that no ray starts behind it: they reach at most half of the
-// way to there. The hit has lifts.
+// Lowers the lifts of hits where something is in the way, so that no ray starts behind it: they reach at most
+// half of the way to there.
 template <class Float>
 void lower_lift(Tracer &tracer, BoolOf<Float> active, Hit<Float> &hit) {
+    if (!hit.lift) [[likely]]
+        return;
     const auto lower = [&](Vec3<Float> &lift) {
         const auto raised = active && Lift<Float>::is_raised(lift);
         if (!any(raised)) return;

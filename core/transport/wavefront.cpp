@@ -115,18 +115,18 @@ PathState<WideFloat> Wavefront::load(const Packet &packet) const {
     path.depth = as_int(counts.x);
     path.block = as_int(counts.y);
     path.null_transmissions = as_int(counts.z);
-    if (!differentials_.empty()) path.footprint.differentials = load_differentials(packet);
+    if (!differentials_.empty()) path.footprint.differentials = load_differentials(packet, range.w != 0.0f);
     return path;
 }
 
-// None if no lane follows any.
-std::optional<RayDifferentials<WideFloat>> Wavefront::load_differentials(const Packet &packet) const {
-    const auto rows_of = [&](const auto &stored, int i) {
-        return load_rows([&](int k) { return row(&stored[static_cast<std::size_t>(packet.paths[k])], i); });
-    };
-    const WideBool followed = rows_of(paths_, 4).w != 0.0f;
+// Of the lanes that follow them.
+std::optional<RayDifferentials<WideFloat>> Wavefront::load_differentials(const Packet &packet,
+                                                                         WideBool followed) const {
     if (!any(followed)) return std::nullopt;
-    const auto a = rows_of(differentials_, 0), b = rows_of(differentials_, 1), c = rows_of(differentials_, 2);
+    const StoredDifferentials *stored[lanes];
+    for (int k = 0; k < lanes; ++k) stored[k] = &differentials_[static_cast<std::size_t>(packet.paths[k])];
+    const auto rows = [&](int i) { return load_rows([&](int k) { return row(stored[k], i); }); };
+    const auto a = rows(0), b = rows(1), c = rows(2);
     return RayDifferentials<WideFloat>{
         {a.x, a.y, a.z}, {a.w, b.x, b.y}, {b.z, b.w, c.x}, {c.y, c.z, c.w}, followed};
 }
@@ -145,22 +145,23 @@ RayHits Wavefront::load_hits(const Packet &packet) const {
 PathState<float> Wavefront::one(std::size_t path) const {
     const auto &r = paths_[path].rows;
     const auto vector = [](const float *v) { return Vec3f{v[0], v[1], v[2]}; };
-    std::optional<RayDifferentials<float>> differentials;
+    PathState<float> result;
+    result.ray = {vector(r[0]), vector(r[1]), r[4][0], r[4][1]};
+    result.footprint.cone = {r[3][3], r[4][2]};
     if (r[4][3] != 0) {
         const float *const d = differentials_[path].rows[0];
-        differentials = {vector(d), vector(d + 3), vector(d + 6), vector(d + 9), true};
+        result.footprint.differentials = {vector(d), vector(d + 3), vector(d + 6), vector(d + 9), true};
     }
-    return {{vector(r[0]), vector(r[1]), r[4][0], r[4][1]},
-            {{r[3][3], r[4][2]}, differentials},
-            vector(r[3]),
-            std::abs(r[0][3]),
-            std::signbit(r[0][3]),
-            Spectrum(vector(r[2])),
-            r[1][3],
-            r[2][3],
-            as_int(r[5][0]),
-            as_int(r[5][1]),
-            as_int(r[5][2])};
+    result.from = vector(r[3]);
+    result.pdf = std::abs(r[0][3]);
+    result.delta = std::signbit(r[0][3]);
+    result.throughput = Spectrum(vector(r[2]));
+    result.eta = r[1][3];
+    result.u_event = r[2][3];
+    result.depth = as_int(r[5][0]);
+    result.block = as_int(r[5][1]);
+    result.null_transmissions = as_int(r[5][2]);
+    return result;
 }
 
 void Wavefront::append(const PathState<float> &p, std::int32_t sample) {
@@ -480,13 +481,10 @@ template <class Model>
                                              WideBool turned, WideBool active, WideFloat share, Task task,
                                              Tracer &tracer) {
     const auto &[packet, incoming, hit, wo, u] = vertex;
-    const auto lobe = prepare_lobe<WideFloat>(model, scene_.bsdf_reader(traits, hit, wo));
-    auto surface = surface_of(traits, lobe, hit, wo, normal, turned);
-    active = active && !surface.black;
+    active = active && !sees_black(traits, hit, wo, turned);
     if (!any(active)) return;
-    surface.delta = surface.delta || WideFloat(surface.lobe.roughness()) < scene_.least_roughness();
-    if constexpr (requires { surface.lobe.null_transmission(wo); })
-        surface.scattering_probability = 1 - surface.lobe.null_transmission(surface.wo).probability;
+    const auto lobe = prepare_lobe<WideFloat>(model, scene_.bsdf_reader(traits, hit, wo));
+    const auto surface = surface_of(traits, lobe, hit, wo, normal, scene_.least_roughness());
 
     const WideBool lightable = active && !surface.delta;
     if (task != Task::sample_direction && !scene_.lights().empty() && any(lightable))
@@ -531,7 +529,7 @@ template <class Model>
         if (sides == Sides::front_only) active = active && !turned;
         if (sides == Sides::back_only) active = active && turned;
         if (!any(active)) return;
-        if (hit.lift) lower_lift(tracer, active, hit);
+        lower_lift(tracer, active, hit);
         const Vec3<WideFloat> normal = select(turned, -hit.shading_normal, hit.shading_normal);
         const MappedNormal<WideFloat> unmapped{normal, hit.dp_du, turned, false, softened};
         scatter_at({packet, path, hit, wo, numbers(packet, path)}, model, traits, unmapped, turned, active, 1,
@@ -568,7 +566,7 @@ void Wavefront::scatter_tree(const Material &material, std::span<const std::int3
             }
             active = active && path.depth != integrator_.max_depth;
             if (!any(active)) return;
-            if (hit.lift) lower_lift(tracer, active, hit);
+            lower_lift(tracer, active, hit);
             const bool each_leaf = materials.is_small_blend(root);
             if (each_leaf)
                 materials.for_each_leaf(root, read, hit, wo, normal, WideFloat(1),

@@ -99,7 +99,8 @@ private:
     template <class F>
     void for_each_packet(std::span<const std::int32_t> paths, F &&f) const;
     PathState<WideFloat> load(const Packet &packet) const;
-    std::optional<RayDifferentials<WideFloat>> load_differentials(const Packet &packet) const;
+    std::optional<RayDifferentials<WideFloat>> load_differentials(const Packet &packet,
+                                                                  WideBool followed) const;
     RayHits load_hits(const Packet &packet) const;
     std::int32_t sample_of(std::int32_t path) const;
     void append(const PathState<WideFloat> &path, const Packet &packet, WideBool active);

@@ -104,8 +104,8 @@ nb::dict hit_many(const RenderableScene &self, const Rows<3> &origins, const Row
     result["distance"] = column<float, 1>(hits, [](const Hit<float> &h) { return h.distance; });
     result["position_error"] = column<float, 1>(hits, [](const Hit<float> &h) { return h.position_error; });
     result["mean_curvature"] = column<float, 1>(hits, [](const Hit<float> &h) { return h.mean_curvature(); });
-    result["shape"] = column<std::uint32_t, 1>(hits, [](const Hit<float> &h) { return h.shape; });
-    result["primitive"] = column<std::uint32_t, 1>(hits, [](const Hit<float> &h) { return h.primitive; });
+    result["shape"] = column<std::int32_t, 1>(hits, [](const Hit<float> &h) { return h.shape; });
+    result["primitive"] = column<std::int32_t, 1>(hits, [](const Hit<float> &h) { return h.primitive; });
     result["material"] = column<std::int32_t, 1>(hits, [](const Hit<float> &h) { return h.material; });
     result["emitter"] = column<std::int32_t, 1>(hits, [](const Hit<float> &h) { return h.emitter; });
     return result;
