@@ -157,20 +157,25 @@ def test_workers_that_end_and_workers_that_hang(client: Any) -> None:  # noqa: A
     scene = lajolla.load_dict(SCENE, spp=600)
     expected = scene.render()
     rendering = scene.rendering(cluster=client)
-    killed, frozen, *_ = client.run(os.getpid).values()
+    workers = client.run(os.getpid)
+    killed, frozen, *_ = workers
     left = [(signal.SIGKILL, killed), (signal.SIGSTOP, frozen)]
 
+    def is_busy(worker: str) -> bool:
+        flights = rendering.pool.flights.values()
+        return any(flight.unit is not None and flight.worker.address == worker for flight in flights)
+
     def observe(progress: Progress) -> None:
-        if progress.fraction > 0.1 and left:
-            number, process = left.pop()
-            os.kill(process, number)
+        if progress.fraction > 0.1 and left and is_busy(left[-1][1]):
+            number, worker = left.pop()
+            os.kill(workers[worker], number)
 
     try:
         rendering.run(observe)
         assert not left
         assert any(flight.late for flight in rendering.pool.flights.values())  # of the frozen one
     finally:
-        os.kill(frozen, signal.SIGCONT)
+        os.kill(workers[frozen], signal.SIGCONT)
     assert same(rendering.image(), expected)
 
 

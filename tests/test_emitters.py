@@ -33,6 +33,7 @@ from statistics_tools import (
     uniforms,
 )
 
+import lajolla
 from lajolla import _core, _core_testing
 
 LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
@@ -256,3 +257,17 @@ def test_densities_contain_the_probability_of_a_light() -> None:
 
 def test_delta_types_are_all_that_no_ray_hits() -> None:
     assert {lit.emitter["type"] for lit in POINTS} == DELTA_TYPES
+
+
+@pytest.mark.parametrize(("sampling", "ratio"), [("radiance", 9), ("uniform", 1), ("compensated", 16)])
+def test_densities_of_environment_maps(sampling: str, ratio: float) -> None:
+    """Half of the map has radiance 1, half 9. Compensated, they weigh 1 / 4 and 9 minus the mean."""
+    pixels = np.ones((32, 64, 3), np.float32)
+    pixels[:, 32:] = 9
+    light = lajolla.Light({"type": "envmap", "data": pixels, "sampling": sampling})
+    turn = np.radians([80.0, 90.0, 100.0])
+    wi = np.stack([np.sin(turn), np.zeros(3), np.cos(turn)], axis=1)
+    one, other = light.pdf([0, 0, 0], wi), light.pdf([0, 0, 0], -wi)
+    assert np.maximum(one, other) / np.minimum(one, other) == pytest.approx(ratio, rel=0.01)
+    brighter = light.eval([0, 0, 0], wi)[:, 0] > light.eval([0, 0, 0], -wi)[:, 0]
+    assert ratio == 1 or ((one > other) == brighter).all()

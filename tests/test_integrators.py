@@ -29,6 +29,7 @@ from scene_tools import (
 from statistics_tools import ROUNDING
 from test_scatter import LOSSLESS
 
+import lajolla
 from lajolla import _core
 from lajolla.limits import STRATEGIES
 from lajolla.scene import core_schema
@@ -224,6 +225,35 @@ def test_heuristics_agree() -> None:
     for name in HEURISTICS[1:]:
         check_same_mean(f"power and {name}", means["power"], means[name])
         assert (means["power"] != means[name]).all()  # it has an effect
+
+
+def test_heuristics_have_their_weights() -> None:
+    """Light sampling of a small lamp: each BSDF sample that misses it leaves the weight of the light sample.
+
+    The density of light sampling is about 11 times that of BSDF sampling on the whole lamp, which one in
+    12 BSDF samples hits.
+    """
+
+    def picture(**settings: str) -> np.ndarray:
+        floor = {"type": "rectangle", "to_world": scaling(5)}
+        lamp = {"type": "rectangle", "to_world": translation(0, 0, 1) @ scaling(0.28), "flip_normals": True}
+        scene = lajolla.load_dict(
+            {
+                "type": "scene",
+                "integrator": {"type": "path", "max_depth": 2, **settings},
+                "sensor": {"type": "perspective", "fov": 0.01, "to_world": look_at((3, 0, 1), (0, 0, 0))},
+                "floor": floor,
+                "lamp": {**lamp, "emitter": {"type": "area", "radiance": 1}},
+            },
+            size=(16, 16),
+        )
+        return scene.render(spp=1, seed=5).array[..., 0]
+
+    light = picture(strategy="light")
+    weights = {name: float(np.median(picture(heuristic=name) / light)) for name in HEURISTICS}
+    assert weights["balance"] == pytest.approx(11 / 12, abs=0.015)
+    assert weights["power"] == pytest.approx(121 / 122, abs=0.005)
+    assert weights["maximum"] == 1
 
 
 def test_names_of_options_are_those_of_the_core() -> None:
