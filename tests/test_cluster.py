@@ -154,9 +154,10 @@ def test_no_unit_begins_when_the_time_is_over(scene: lajolla.Scene, client: Any)
 
 
 def test_workers_that_end_and_workers_that_hang(client: Any) -> None:  # noqa: ANN401
-    scene = lajolla.load_dict(SCENE, spp=600)
+    scene = lajolla.load_dict(SCENE, spp=2000)
     expected = scene.render()
     rendering = scene.rendering(cluster=client)
+    client.run(exec, "import lajolla.cluster")  # so that both are ready before the render is over
     workers = client.run(os.getpid)
     killed, frozen, *_ = workers
     left = [(signal.SIGKILL, killed), (signal.SIGSTOP, frozen)]
